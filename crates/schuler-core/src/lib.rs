@@ -1,0 +1,24 @@
+//! The flight module: what a navigation computer runs once a second beside a single-channel,
+//! Schuler-tuned inertial system.
+//!
+//! | module | computes |
+//! | --- | --- |
+//! | [`filter`] | velocity error, vertical error, accelerometer error and gyro drift from velocity differences |
+//! | [`identification`] | the structure and parameters of each sensor's noise; retunes the filter |
+//! | [`isolation`] | which of five gyros has failed, and the rate from the healthy ones |
+//! | [`module`] | the one fixed step that strings them together |
+//!
+//! No heap, no panic, no unsafe, no loop whose length depends on the data. Inside, everything is in SI units
+//! and radians. Elementary functions come from `libm` on every platform, so that the same input gives the
+//! same bits on a PC and on a Cortex-M.
+//!
+//! Equation ids (`FIL-11`, `FDI-4` …) name the equations of the papers; the doc comment of the code that
+//! implements one names it, and so does its test.
+#![no_std]
+
+pub mod config;
+pub mod filter;
+pub mod identification;
+pub mod isolation;
+pub mod module;
+pub mod reading;

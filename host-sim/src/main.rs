@@ -1,0 +1,2 @@
+//! The `schuler` command.
+fn main() {}
