@@ -1,6 +1,15 @@
 //! Identification of the noise of each sensor.
 use serde::{Deserialize, Serialize};
 
+mod autocorrelation;
+mod structure;
+
+pub use autocorrelation::SlidingAutocorrelation;
+pub use structure::{
+    Comparison, EXPONENTIAL_FLOOR, Exponential, ExponentialCosine, Structure, choose_structure, compare,
+    fit_exponential, fit_exponential_cosine, removed_mean_bias,
+};
+
 /// The noise structure and parameters found for one sensor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct NoiseEstimate {
