@@ -131,10 +131,19 @@ pub struct FilterStep<T> {
     pub innovation: Innovation<T>,
     /// There was a measurement, but beyond the gate: it was not used.
     pub gated: bool,
-    /// The covariance had lost its positive diagonal, or a number was not finite: the filter was restarted
-    /// from its prior.
+    /// So many measurements in a row were beyond the gate that the filter must be wrong, not they: the velocity
+    /// was taken from the measurement and everything else made ten times as uncertain.
+    pub reacquired: bool,
+    /// The covariance had lost its positive diagonal, or a number was not finite: the covariance was set back to
+    /// the prior, and so was a mean that was not finite.
     pub reset: bool,
 }
+
+/// Measurements in a row beyond the gate after which the filter starts from the measurement.
+pub const GATED_IN_A_ROW: u32 = 10;
+
+/// Standard deviations are multiplied by this when the filter starts from the measurement.
+const REACQUISITION: f64 = 10.0;
 
 /// The error filter.
 #[derive(Clone, Copy, Debug)]
@@ -145,6 +154,7 @@ pub struct ErrorFilter<T> {
     prior: Gaussian<T>,
     measurement_variance: T,
     gate_squared: T,
+    gated_in_a_row: u32,
 }
 
 impl<T: RealField + Copy> ErrorFilter<T> {
@@ -167,6 +177,7 @@ impl<T: RealField + Copy> ErrorFilter<T> {
             prior,
             measurement_variance: config.velocity_noise * config.velocity_noise,
             gate_squared: config.gate_sigma * config.gate_sigma,
+            gated_in_a_row: 0,
         }
     }
 
@@ -182,11 +193,41 @@ impl<T: RealField + Copy> ErrorFilter<T> {
         let inside = value * value <= self.gate_squared * innovation.variance;
         let present = velocity_error.is_some();
         self.state.correct(&innovation, present && inside);
+        let gated = present && !inside;
+        let in_a_row = self.gated_in_a_row + u32::from(gated);
+        let reacquired = gated && in_a_row >= GATED_IN_A_ROW && velocity.is_finite();
+        self.gated_in_a_row = if reacquired || (present && inside) { 0 } else { in_a_row };
+        if reacquired {
+            self.reacquire(velocity);
+        }
         let reset = !self.state.is_sound();
         if reset {
+            let mean = self.state.mean;
             self.state = self.prior;
+            if mean.iter().all(ComplexField::is_finite) {
+                self.state.mean = mean;
+            }
         }
-        FilterStep { innovation, gated: present && !inside, reset }
+        FilterStep { innovation, gated, reacquired, reset }
+    }
+
+    /// Goes on without measurement for `duration_s` seconds, with the noise given.
+    pub fn coast(
+        &mut self,
+        config: &FilterConfig<T>,
+        accelerometer: &MarkovNoise<T>,
+        gyro: &MarkovNoise<T>,
+        duration_s: T,
+    ) {
+        self.state.predict(&config.model(accelerometer, gyro, duration_s));
+    }
+
+    /// Starts from a velocity error (m/s), with everything else as it is but ten times as uncertain.
+    pub fn reacquire(&mut self, velocity_error: T) {
+        let mean = self.state.mean;
+        let wider = self.state.variances().map(|p| p.sqrt() * real(REACQUISITION));
+        let sigma = [self.measurement_variance.sqrt(), wider[1], wider[2], wider[3]];
+        self.state = Gaussian::independent([velocity_error, mean[1], mean[2], mean[3]], sigma);
     }
 
     /// Takes new noise parameters: the model changes, the state stays.

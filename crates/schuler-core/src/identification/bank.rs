@@ -255,10 +255,9 @@ impl<const L: usize, const M: usize> FilterBank<L, M> {
         let sums = &self.sums;
         // Without a sound member the old mixture stands.
         let inverse = if sums.weight > 0.0 { 1.0 / sums.weight } else { 0.0 };
-        let old = self.mixture.mean;
         for i in 0..4 {
             let away = sums.first[i] * inverse;
-            self.mixture.mean[i] = old[i] + away;
+            self.mixture.mean[i] += away;
             self.mixture.variance[i] = sums.second[i] * inverse - away * away;
             self.mixture.log_mean[i] = sums.log_parameters[i] * inverse;
         }

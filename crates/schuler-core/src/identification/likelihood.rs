@@ -15,13 +15,13 @@
 //!
 //! The published loop alone ([`super::PublishedLoop`]) does not converge; why stands there.
 
-use super::bank::{ChannelNoise, FilterBank, Grid, Mixture};
+use super::bank::{ChannelNoise, FilterBank, Grid};
 use super::read_out::{PASSES, ReadOut};
 use super::replay::{Replay, Stretch};
 use super::simplex::Simplex;
 use super::structure::Structure;
 use super::window::{DECIMATION, MeasurementWindow, WINDOW};
-use super::{ChannelStatus, IdentificationConfig};
+use super::{AveragedEstimate, ChannelStatus, IdentificationConfig, steps_in};
 use crate::filter::{FilterConfig, Gaussian, MarkovNoise};
 
 /// Samples replayed per step.
@@ -50,6 +50,10 @@ const WEAK_DROP: f32 = 2.0;
 const OBSERVED_SHARE: f32 = 0.03;
 /// Correlation times of the accelerometer error that must fit into the time before the first identification.
 const FIRST_TAUS: f32 = 20.0;
+
+/// The bank's grid knows a correlation time only to a factor of ten, so the wait for them has a limit, as a multiple of
+/// the configured time.
+const FIRST_PATIENCE: f32 = 1.25;
 
 /// The wide bank: five diffusions and three rates per channel.
 type WideBank = FilterBank<5, 225>;
@@ -85,10 +89,8 @@ enum Phase {
 pub struct Retuned {
     /// The parameters.
     pub noise: ChannelNoise,
-    /// State at the middle of the last sample's interval …
+    /// The state at present.
     pub state: Gaussian<f32>,
-    /// … and how long ago that was, s.
-    pub age_s: f32,
 }
 
 /// The likelihood identifier's whole state. About 40 kB: keep it where it is built.
@@ -111,6 +113,10 @@ pub struct LikelihoodIdentifier {
     in_use: ChannelNoise,
     status: [ChannelStatus; 2],
     retunes: u16,
+    /// Mean of the main filter when the last sample was completed …
+    at_sample: [f32; 4],
+    /// … and how far the narrow bank's mixture was from it.
+    correction: [f32; 4],
     /// Found so far in this identification, and the log-likelihood (with prior) there.
     found: ChannelNoise,
     found_value: f32,
@@ -140,6 +146,8 @@ impl LikelihoodIdentifier {
             in_use: noise,
             status: [ChannelStatus::DataSheet; 2],
             retunes: 0,
+            at_sample: [0.0; 4],
+            correction: [0.0; 4],
             found: noise,
             found_value: f32::NEG_INFINITY,
             candidate: noise,
@@ -181,45 +189,60 @@ impl LikelihoodIdentifier {
         self.wide.start_at(0);
     }
 
-    /// One step: takes the velocity error (m/s) or a gap, does one quantum of work, and says when the main
-    /// filter is to be retuned.
+    /// One step: takes the velocity error (m/s) or a gap and the main filter's state after it, does one quantum
+    /// of work, and says when the main filter is to be retuned.
     pub fn step(
         &mut self,
         filter: &FilterConfig<f32>,
         config: &IdentificationConfig,
         velocity_error: Option<f32>,
+        present: &Gaussian<f32>,
     ) -> Option<Retuned> {
         self.steps += 1;
-        self.window.push(velocity_error);
+        if self.window.push(velocity_error) {
+            self.at_sample = present.mean;
+        }
         let variance_of_one = filter.velocity_noise * filter.velocity_noise;
         self.wide.advance(&self.window, variance_of_one);
-        if let Some(narrow) = self.active.and_then(|active| self.narrow.get_mut(usize::from(active))) {
-            narrow.advance(&self.window, variance_of_one);
+        if let Some(narrow) = self.active.and_then(|active| self.narrow.get_mut(usize::from(active)))
+            && narrow.advance(&self.window, variance_of_one)
+            && narrow.cursor() == self.window.completed()
+        {
+            let mixture = carried(filter, narrow.mixture().mean, middle_to_end(filter));
+            self.correction = difference(mixture, self.at_sample);
         }
         self.work(filter, config)
     }
 
-    /// Takes a gap of `samples` whole samples, as when steps have been missing.
-    pub fn skip(&mut self, samples: u32) {
-        for _ in 0..samples * DECIMATION {
+    /// Takes a gap of whole steps, as when the module was not called.
+    pub fn skip(&mut self, steps: u32) {
+        for _ in 0..steps {
             self.window.push(None);
         }
     }
 
-    /// The estimate averaged over the parameters' uncertainty, carried from the sample that it holds for to the
-    /// present by the loop's equations.
-    pub fn averaged(&self, filter: &FilterConfig<f32>) -> Mixture {
-        let (mut mixture, cursor) = match self.active.and_then(|a| self.narrow.get(usize::from(a))) {
-            Some(narrow) => (*narrow.mixture(), narrow.cursor()),
-            None => (*self.wide.mixture(), self.wide.cursor()),
+    /// The estimate averaged over what is not known of the parameters.
+    ///
+    /// The banks work on ten-step means and hold for the middle of the last one. While only the wide bank is
+    /// there, its mixture is carried to the present by the loop's equations; after that, the mixture says how far
+    /// the main filter (`present`) was off at the last sample, and the main filter has the newest measurements.
+    pub fn averaged(&self, filter: &FilterConfig<f32>, present: &Gaussian<f32>) -> AveragedEstimate {
+        let narrow = self.active.and_then(|active| self.narrow.get(usize::from(active)));
+        let (estimate, variance) = if let Some(narrow) = narrow {
+            let mut estimate = present.mean;
+            for (x, correction) in estimate.iter_mut().zip(self.correction) {
+                *x += correction;
+            }
+            (estimate, narrow.mixture().variance)
+        } else {
+            let samples_behind = self.window.completed() - self.wide.cursor();
+            let behind = (samples_behind * DECIMATION + self.window.steps()) as f32 * filter.step_s;
+            let started = if self.wide.cursor() > 0 { 1.0 } else { 0.0 };
+            let mixture = self.wide.mixture();
+            let age_s = started * (behind + middle_to_end(filter));
+            (carried(filter, mixture.mean, age_s), mixture.variance)
         };
-        let behind = (self.window.completed() - cursor) * DECIMATION + self.window.steps();
-        let age_s = filter.step_s * (behind as f32 + 0.5 * (DECIMATION - 1) as f32);
-        let age_s = if cursor == 0 { 0.0 } else { age_s };
-        let [velocity, vertical, acceleration, drift] = mixture.mean;
-        mixture.mean[0] += age_s * (acceleration - filter.gravity * vertical);
-        mixture.mean[1] += age_s * (velocity / filter.radius_m + drift);
-        mixture
+        AveragedEstimate { estimate, sigma: variance.map(|p| libm::sqrtf(p.max(0.0))) }
     }
 
     /// The parameters in use.
@@ -261,7 +284,7 @@ impl LikelihoodIdentifier {
                         bank.advance(&self.window, variance_of_one);
                     }
                     if bank.cursor() == self.window.completed() && self.window.steps() == 0 {
-                        return self.activate(filter, config, spare);
+                        return self.activate(filter, spare);
                     }
                 }
             }
@@ -275,7 +298,8 @@ impl LikelihoodIdentifier {
         let posterior = self.wide.mixture().log_mean;
         let enough_s = FIRST_TAUS * libm::expf(posterior[1]);
         let first = self.retunes == 0;
-        let early = first && (self.steps as f32) * filter.step_s < enough_s.min(WINDOW as f32 * 10.0);
+        let early =
+            first && (self.steps as f32) * filter.step_s < enough_s.min(FIRST_PATIENCE * config.first_s);
         if self.steps < self.due || early || completed < 4 * LAGS_AT_LEAST {
             return;
         }
@@ -477,19 +501,18 @@ impl LikelihoodIdentifier {
         }
     }
 
-    fn activate(
-        &mut self,
-        filter: &FilterConfig<f32>,
-        _config: &IdentificationConfig,
-        bank: u8,
-    ) -> Option<Retuned> {
+    /// Puts the narrow bank to use; the main filter goes on from its central member.
+    fn activate(&mut self, filter: &FilterConfig<f32>, bank: u8) -> Option<Retuned> {
+        let narrow = self.narrow.get(usize::from(bank))?;
+        let age_s = middle_to_end(filter);
+        let mut state = *narrow.member_state(CENTRE)?;
+        state.predict(&filter.model(&self.found.accelerometer, &self.found.gyro, age_s));
+        self.correction = difference(carried(filter, narrow.mixture().mean, age_s), state.mean);
         self.active = Some(bank);
         self.in_use = self.found;
         self.retunes = self.retunes.saturating_add(1);
         self.phase = Phase::Waiting;
-        let state = *self.narrow.get(usize::from(bank))?.member_state(CENTRE)?;
-        let age_s = filter.step_s * 0.5 * (DECIMATION - 1) as f32;
-        Some(Retuned { noise: self.found, state, age_s })
+        Some(Retuned { noise: self.found, state })
     }
 }
 
@@ -544,6 +567,22 @@ fn prior(filter: &FilterConfig<f32>, config: &IdentificationConfig, noise: &Chan
     -0.5 * square / (config.prior_width * config.prior_width)
 }
 
-fn steps_in(duration_s: f32, step_s: f32) -> u64 {
-    libm::ceilf(duration_s / step_s) as u64
+/// From the middle of a sample's interval, for which its mean holds, to its last step, s.
+fn middle_to_end(filter: &FilterConfig<f32>) -> f32 {
+    0.5 * filter.step_s * (DECIMATION - 1) as f32
+}
+
+/// A mean carried `age_s` seconds on by the loop's equations; a few tens of seconds at the most.
+fn carried(filter: &FilterConfig<f32>, mean: [f32; 4], age_s: f32) -> [f32; 4] {
+    let [velocity, vertical, acceleration, drift] = mean;
+    [
+        velocity + age_s * (acceleration - filter.gravity * vertical),
+        vertical + age_s * (velocity / filter.radius_m + drift),
+        acceleration,
+        drift,
+    ]
+}
+
+fn difference(x: [f32; 4], y: [f32; 4]) -> [f32; 4] {
+    [x[0] - y[0], x[1] - y[1], x[2] - y[2], x[3] - y[3]]
 }

@@ -1,4 +1,10 @@
-//! Identification of the noise of each sensor.
+//! Identification of the noise of each sensor, and the retuning of the filter with what was found.
+//!
+//! A filter whose noise coefficients are off by ten diverges. Two ways of finding them fly: [`PublishedLoop`]
+//! (level A) as the paper has it, for comparison, and [`LikelihoodIdentifier`] (level B), the default. Both rest
+//! on the same formulas for an autocorrelation: [`fit_exponential`] and [`fit_exponential_cosine`].
+//!
+//! Source: the paper on noise identification, equations (10)–(21).
 use serde::{Deserialize, Serialize};
 
 use crate::config::{ConfigError, Problem};
@@ -7,6 +13,7 @@ use crate::filter::positive;
 mod autocorrelation;
 mod bank;
 mod likelihood;
+mod published;
 mod read_out;
 mod replay;
 mod simplex;
@@ -16,6 +23,7 @@ mod window;
 pub use autocorrelation::SlidingAutocorrelation;
 pub use bank::{ChannelNoise, FilterBank, Mixture};
 pub use likelihood::{LikelihoodIdentifier, Retuned};
+pub use published::PublishedLoop;
 pub use structure::{
     Comparison, EXPONENTIAL_FLOOR, Exponential, ExponentialCosine, Structure, choose_structure, compare,
     fit_exponential, fit_exponential_cosine, removed_mean_bias,
@@ -52,7 +60,7 @@ impl Default for IdentificationConfig {
     fn default() -> Self {
         Self {
             method: Method::Likelihood,
-            first_s: 10_800.0,
+            first_s: 9_600.0,
             interval_s: 5_400.0,
             limit_factor: 1000.0,
             prior_width: 2.3,
@@ -106,13 +114,28 @@ pub struct NoiseEstimate {
     pub status: ChannelStatus,
 }
 
+/// The estimate averaged over what is not known of the noise parameters.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct AveragedEstimate {
+    /// Mean of [ΔV, δ, a, ω]: m/s, rad, m/s², rad/s.
+    pub estimate: [f32; 4],
+    /// Standard deviations, the uncertainty of the noise parameters included.
+    pub sigma: [f32; 4],
+}
+
 /// What the identifier says each step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct IdentificationOutput {
+    /// The estimate to navigate by.
+    pub averaged: AveragedEstimate,
     /// Accelerometer noise in use, m/s².
     pub accelerometer: NoiseEstimate,
     /// Gyro noise in use, rad/s.
     pub gyro: NoiseEstimate,
     /// How often the filter has been retuned.
     pub retunes: u16,
+}
+
+pub(crate) fn steps_in(duration_s: f32, step_s: f32) -> u64 {
+    libm::ceilf(duration_s / step_s) as u64
 }
