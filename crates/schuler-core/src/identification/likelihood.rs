@@ -159,11 +159,11 @@ pub struct LikelihoodIdentifier {
 }
 
 impl LikelihoodIdentifier {
-    /// An identifier that has not been started.
+    /// An identifier that has not been started: all zeros, so that a static one costs no flash.
     pub const fn new() -> Self {
-        let noise = MarkovNoise { sigma: 1.0, tau_s: 1.0 };
+        let noise = MarkovNoise { sigma: 0.0, tau_s: 0.0 };
         let noise = ChannelNoise { accelerometer: noise, gyro: noise };
-        let coloured = ColouredNoise { sigma: 1.0, alpha: 1.0, beta: 0.0 };
+        let coloured = ColouredNoise { sigma: 0.0, alpha: 0.0, beta: 0.0 };
         let coloured_channels = ColouredChannels { accelerometer: coloured, gyro: coloured };
         Self {
             window: MeasurementWindow::new(),
@@ -176,7 +176,7 @@ impl LikelihoodIdentifier {
             coloured_replay: Replay::idle(),
             read_out: ReadOut::new(),
             phase: Phase::Waiting,
-            stretch: Stretch { begin: 0, end: 0, from_start: true },
+            stretch: Stretch { begin: 0, end: 0, from_start: false },
             steps: 0,
             due: 0,
             in_use: noise,
@@ -185,15 +185,15 @@ impl LikelihoodIdentifier {
             at_sample: [0.0; 4],
             correction: [0.0; 4],
             found: noise,
-            found_value: f32::NEG_INFINITY,
+            found_value: 0.0,
             candidate: noise,
             filter_variance: [0.0; 2],
             probes: [0.0; 4],
             cosine: [None; 2],
             coloured: None,
-            coloured_value: f32::NEG_INFINITY,
+            coloured_value: 0.0,
             coloured_candidate: coloured_channels,
-            coloured_best: (coloured_channels, f32::NEG_INFINITY),
+            coloured_best: (coloured_channels, 0.0),
         }
     }
 

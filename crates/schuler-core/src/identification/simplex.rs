@@ -39,7 +39,7 @@ impl<const D: usize, const V: usize> Simplex<D, V> {
         let () = Self::WHOLE;
         Self {
             vertices: [[0.0; D]; V],
-            values: [f32::NEG_INFINITY; V],
+            values: [0.0; V],
             stage: Stage::Start(0),
             wanted: [0.0; D],
             evaluations: 0,
