@@ -1,1 +1,3 @@
-//! Placeholder.
+//! What the workspace tests share.
+
+pub mod temperature_rate;
