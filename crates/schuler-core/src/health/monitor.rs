@@ -1,0 +1,214 @@
+//! The monitor: guards in front of the recursion, read-outs and alarms behind it [HLT-5], [HLT-6].
+use nalgebra::{RealField, convert};
+
+use super::conditional::Conditional;
+use super::config::{AlarmThresholds, HealthConfig};
+use super::output::{Estimate, HealthOutput, HealthStatus};
+use super::recursion::Recursion;
+use super::span::SpanLadder;
+use super::verdict::{Findings, HealthAlarms};
+use crate::config::ConfigError;
+use crate::reading::{Quality, Reading};
+
+/// One residual out of the model is an outlier, this many in a row are a fault.
+const OUT_OF_MODEL_STEPS: u32 = 3;
+/// The inertial error counts as beyond its bound when it is by this many standard deviations.
+const INERTIAL_CONFIDENCE: f64 = 3.0;
+/// Largest normalised innovation squared that is reported.
+const MAX_NIS: f64 = 1e12;
+
+/// Monitors one radio sensor against one inertial sensor of the same quantity.
+#[derive(Clone, Copy, Debug)]
+pub struct HealthMonitor<T, const LEVELS: usize> {
+    priors: Recursion<T, LEVELS>,
+    ladder: SpanLadder<T, LEVELS>,
+    thresholds: AlarmThresholds<T>,
+    normal_levels: usize,
+    inertial_bound: T,
+    /// A jump of more steps than this may as well be the inertial sensor's.
+    attribution_steps: T,
+    /// The longest silence that is bridged, steps.
+    bridged_steps: u32,
+    max_age_ms: u32,
+
+    recursion: Recursion<T, LEVELS>,
+    /// A residual has been used since the last start.
+    started: bool,
+    /// Steps since the last residual that was used.
+    silence: u32,
+    /// Residuals out of the model in a row.
+    rejected: u32,
+    /// Steps since the jump alarm was set.
+    jump_steps: u32,
+    alarms: HealthAlarms,
+}
+
+impl<T: RealField + Copy, const LEVELS: usize> HealthMonitor<T, LEVELS> {
+    /// Checks the configuration and builds the monitor.
+    ///
+    /// # Errors
+    /// The first field that cannot be flown.
+    pub fn try_build(config: &HealthConfig<T, LEVELS>) -> Result<Self, ConfigError> {
+        config.validate()?;
+        let priors = Recursion::new(config);
+        Ok(Self {
+            priors,
+            ladder: SpanLadder::new(config),
+            thresholds: config.alarm,
+            normal_levels: usize::from(config.radio.normal_levels),
+            inertial_bound: config.inertial.bound,
+            attribution_steps: config.jump.attribution_limit_s / config.step_s,
+            bridged_steps: config.bridged_steps(),
+            max_age_ms: config.max_age_ms,
+            recursion: priors,
+            started: false,
+            silence: 0,
+            rejected: 0,
+            jump_steps: 0,
+            alarms: HealthAlarms::empty(),
+        })
+    }
+
+    /// Forgets everything but the configuration.
+    pub fn restart(&mut self) {
+        self.recursion = self.priors;
+        self.started = false;
+        self.silence = 0;
+        self.rejected = 0;
+        self.jump_steps = 0;
+        self.alarms = HealthAlarms::empty();
+    }
+
+    /// One step with the readings of both sensors, m/s. `elapsed`: nominal steps since the last call, 1 in
+    /// ordinary running; the model is moved over all of them at the work of one. Never panics; whatever the
+    /// readings, the state stays usable.
+    pub fn step(
+        &mut self,
+        radio: &Reading<T>,
+        inertial: &Reading<T>,
+        elapsed: u32,
+    ) -> HealthOutput<T, LEVELS> {
+        let radio_usable = self.is_usable(radio);
+        let inertial_usable = self.is_usable(inertial);
+        let residual = radio.value - inertial.value;
+        let repeated = self.started && (elapsed == 0);
+        let present = radio_usable && inertial_usable && residual.is_finite() && !repeated;
+
+        let silence = self.silence.saturating_add(elapsed);
+        let restarted = self.started && (silence > self.bridged_steps);
+        if restarted {
+            self.recursion = self.priors;
+            self.started = false;
+        }
+        let span = self.ladder.span(if self.started { elapsed } else { 0 });
+        let evidence = self.recursion.step(&span, residual, present);
+        let used = present && !evidence.out_of_model;
+        self.started |= used;
+        self.silence = if used { 0 } else { silence };
+        self.rejected = if evidence.out_of_model {
+            self.rejected.saturating_add(1)
+        } else if used {
+            0
+        } else {
+            self.rejected
+        };
+
+        let sound = self.recursion.is_sound();
+        if !sound {
+            self.recursion = self.priors;
+            self.started = false;
+        }
+        let mut status = HealthStatus::empty();
+        status.set(HealthStatus::RADIO_UNUSABLE, !radio_usable);
+        status.set(HealthStatus::INERTIAL_UNUSABLE, !inertial_usable);
+        status.set(HealthStatus::OUT_OF_MODEL, evidence.out_of_model);
+        status.set(HealthStatus::GAP, elapsed > 1);
+        status.set(HealthStatus::REPEATED, repeated);
+        status.set(HealthStatus::RESTARTED, restarted);
+        status.set(HealthStatus::NUMERICAL_RESET, !sound);
+
+        let nis = evidence.innovation * evidence.innovation / evidence.variance;
+        let mut output = HealthOutput {
+            status,
+            residual: if present { residual } else { T::zero() },
+            innovation: evidence.innovation,
+            innovation_variance: evidence.variance,
+            nis: nis.min(convert(MAX_NIS)),
+            log_likelihood: evidence.log_likelihood,
+            ..HealthOutput::default()
+        };
+        self.read_probabilities(&mut output);
+        let radio = radio_usable.then_some(radio.value);
+        let inertial = inertial_usable.then_some(inertial.value);
+        self.read_estimates(&mut output, radio, inertial, present);
+        self.judge(&mut output, elapsed);
+        output
+    }
+
+    fn is_usable(&self, reading: &Reading<T>) -> bool {
+        (reading.quality == Quality::Good) && (reading.age_ms <= self.max_age_ms) && reading.value.is_finite()
+    }
+
+    fn read_probabilities(&self, output: &mut HealthOutput<T, LEVELS>) {
+        let weights = &self.recursion.weights;
+        output.mode_probability = *weights;
+        let [absent, present] = weights;
+        output.p_jump = present.iter().fold(T::zero(), |sum, &w| sum + w);
+        // Summed, not one less the rest: a small probability keeps its digits in single precision.
+        let degraded =
+            |row: &[T; LEVELS]| row.iter().skip(self.normal_levels).fold(T::zero(), |sum, &w| sum + w);
+        output.p_noise = degraded(absent) + degraded(present);
+        output.p_fault = output.p_jump + degraded(absent);
+    }
+
+    fn read_estimates(
+        &self,
+        output: &mut HealthOutput<T, LEVELS>,
+        radio: Option<T>,
+        inertial: Option<T>,
+        present: bool,
+    ) {
+        let Conditional { mean: [eps, xi, m, mu], covariance } = self.recursion.over_modes();
+        let [p00, _, p02, _, p11, _, _, p22, _, p33] = covariance;
+        let estimate = |value: T, variance: T| Estimate { value, sigma: variance.max(T::zero()).sqrt() };
+        output.correlated_error = estimate(eps, p00);
+        output.inertial_error = estimate(xi, p11);
+        output.jump = estimate(m, p22);
+        output.inertial_drift = estimate(mu, p33);
+        output.radio_error = if present {
+            estimate(output.residual + xi, p11)
+        } else {
+            estimate(eps + m, p00 + p02 + p02 + p22)
+        };
+        output.corrected = match (radio, inertial) {
+            (_, Some(inertial)) => {
+                Some(Estimate { value: inertial - xi, sigma: output.inertial_error.sigma })
+            }
+            (Some(radio), None) => {
+                Some(Estimate { value: radio - output.radio_error.value, sigma: output.radio_error.sigma })
+            }
+            (None, None) => None,
+        };
+    }
+
+    fn judge(&mut self, output: &mut HealthOutput<T, LEVELS>, elapsed: u32) {
+        let alarms = &mut self.alarms;
+        alarms.follow(HealthAlarms::JUMP, output.p_jump, &self.thresholds);
+        alarms.follow(HealthAlarms::NOISE, output.p_noise, &self.thresholds);
+        alarms.follow(HealthAlarms::FAULT, output.p_fault, &self.thresholds);
+        let xi = output.inertial_error;
+        let beyond = xi.value.abs() - convert::<f64, T>(INERTIAL_CONFIDENCE) * xi.sigma > self.inertial_bound;
+        alarms.switch(HealthAlarms::INERTIAL, beyond, xi.value.abs() < self.inertial_bound);
+
+        let jump = alarms.contains(HealthAlarms::JUMP);
+        self.jump_steps = if jump { self.jump_steps.saturating_add(elapsed) } else { 0 };
+        let findings = Findings {
+            alarms: *alarms,
+            observed: self.started,
+            out_of_model: self.rejected >= OUT_OF_MODEL_STEPS,
+            persistent_jump: convert::<f64, T>(f64::from(self.jump_steps)) > self.attribution_steps,
+        };
+        output.alarms = *alarms;
+        (output.verdict, output.suspect) = findings.verdict();
+    }
+}
