@@ -1,1 +1,2 @@
-//! Placeholder.
+//! What the workspace tests share.
+pub mod health_reference;
