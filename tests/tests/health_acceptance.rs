@@ -60,7 +60,7 @@ fn hlt_11_against_nominal_kalman_gpb1_and_imm() {
             Box::new(NominalKalman::new(&model)),
             Box::new(Gpb1::new(&model)),
             Box::new(Imm::new(&model)),
-            Box::new(Monitored::<f32, 2>::new(&model)),
+            Box::new(Monitored::<f32, 2>::delivered()),
         ]
     });
     print_table(&["nominal Kalman", "GPB1", "IMM", "GPB2"], &runs);
@@ -78,6 +78,7 @@ fn hlt_11_against_nominal_kalman_gpb1_and_imm() {
     assert!((0.9..=1.1).contains(&total.nees()), "NEES {}", total.nees());
 }
 
+/// With exactly the model's parameters, so that only the merging differs.
 #[test]
 fn hlt_11_against_the_rao_blackwellised_reference() {
     let model = Model::doppler();

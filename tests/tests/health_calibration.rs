@@ -55,7 +55,7 @@ fn is_biased(bin: &ReliabilityBin) -> bool {
 
 #[test]
 fn hlt_8_probabilities_are_calibrated() {
-    let found = diagrams(|model| Box::new(Monitored::<f32, 2>::new(model)), 10_000..12_000);
+    let found = diagrams(|_| Box::new(Monitored::<f32, 2>::delivered()), 10_000..12_000);
     for (name, diagram) in ["P(jump)", "P(noise)", "P(fault)"].iter().zip(&found) {
         let bins = diagram.bins();
         print(name, &bins);

@@ -99,7 +99,7 @@ fn hlt_11_scripted_faults() {
     ];
     println!("missed / median delay / 95 % delay, s; recovery median, s");
     for (name, fault) in faults {
-        let ours = detection(400, fault, |model, _| Box::new(Monitored::<f32, 2>::new(model)));
+        let ours = detection(400, fault, |_, _| Box::new(Monitored::<f32, 2>::delivered()));
         println!(
             "{name}: missed {:.3}, {} / {} s, recovery {} s",
             ours.missed, ours.median, ours.late, ours.median_recovery
@@ -121,7 +121,7 @@ fn hlt_11_scripted_faults() {
 fn hlt_8_scripted_jumps_against_other_filters() {
     let fault = Fault::Jump(2.0);
     let found = [
-        ("GPB2", detection(100, fault, |model, _| Box::new(Monitored::<f32, 2>::new(model)))),
+        ("GPB2", detection(100, fault, |_, _| Box::new(Monitored::<f32, 2>::delivered()))),
         ("mixture-200", detection(100, fault, |model, seed| Box::new(Mixture::bounded(model, 200, seed)))),
         ("IMM", detection(100, fault, |model, _| Box::new(Imm::new(model)))),
         ("GPB1", detection(100, fault, |model, _| Box::new(Gpb1::new(model)))),
@@ -141,7 +141,7 @@ fn hlt_11_false_alarms_without_a_fault() {
         .into_par_iter()
         .map(|seed| {
             let samples = Generator::new(&model, 70_000 + seed).scripted(&[NOMINAL; 3600], None);
-            let mut monitored = Monitored::<f32, 2>::new(&model);
+            let mut monitored = Monitored::<f32, 2>::delivered();
             let mut counts = [0; 4];
             let mut on = [false; 3];
             for sample in &samples {

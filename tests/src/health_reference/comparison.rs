@@ -1,12 +1,13 @@
 //! Filters that one would use otherwise: the nominal Kalman filter, which knows no faults; the first-order
 //! generalised pseudo-Bayes filter (GPB1), which merges all modes after each residual; the interacting
 //! multiple-model filter (IMM), which merges before it.
-use super::model::{Filter, Gaussian, Model, Posterior};
+use super::model::{Filter, Gaussian, Model, Posterior, Transitions};
 
 /// Kalman filter of the fault-free mode.
 #[derive(Clone, Debug)]
 pub struct NominalKalman {
     model: Model,
+    transitions: Transitions,
     state: Option<Gaussian>,
 }
 
@@ -14,6 +15,7 @@ pub struct NominalKalman {
 #[derive(Clone, Debug)]
 pub struct Gpb1 {
     model: Model,
+    transitions: Transitions,
     state: Option<(Vec<f64>, Gaussian)>,
 }
 
@@ -21,27 +23,28 @@ pub struct Gpb1 {
 #[derive(Clone, Debug)]
 pub struct Imm {
     model: Model,
+    transitions: Transitions,
     state: Option<Vec<(f64, Gaussian)>>,
 }
 
 impl NominalKalman {
     /// Not started.
     pub fn new(model: &Model) -> Self {
-        Self { model: model.clone(), state: None }
+        Self { model: model.clone(), transitions: Transitions::new(model), state: None }
     }
 }
 
 impl Gpb1 {
     /// Not started.
     pub fn new(model: &Model) -> Self {
-        Self { model: model.clone(), state: None }
+        Self { model: model.clone(), transitions: Transitions::new(model), state: None }
     }
 }
 
 impl Imm {
     /// Not started.
     pub fn new(model: &Model) -> Self {
-        Self { model: model.clone(), state: None }
+        Self { model: model.clone(), transitions: Transitions::new(model), state: None }
     }
 }
 
@@ -69,7 +72,8 @@ fn posterior(parts: &[(f64, Gaussian)]) -> Posterior {
 
 impl Filter for NominalKalman {
     fn step(&mut self, d: Option<f64>) -> Posterior {
-        let predicted = self.state.map_or(prior(&self.model, 0), |state| state.predicted(&self.model, 0, 0));
+        let predicted =
+            self.state.map_or(prior(&self.model, 0), |state| state.predicted(&self.transitions.path[0][0]));
         let (state, _) = given(predicted, &self.model, 0, d);
         self.state = Some(state);
         let modes = (0..self.model.modes()).map(|r| f64::from(u8::from(r == 0))).collect();
@@ -95,7 +99,10 @@ impl Filter for Gpb1 {
                     let paths: Vec<_> = weights
                         .iter()
                         .enumerate()
-                        .map(|(i, weight)| (weight * model.transition(i, r), state.predicted(model, i, r)))
+                        .map(|(i, weight)| {
+                            let transition = &self.transitions.path[i][r];
+                            (weight * transition.probability, state.predicted(transition))
+                        })
                         .collect();
                     let arriving: f64 = paths.iter().map(|(weight, _)| weight).sum();
                     let (state, density) = given(Gaussian::merged(&paths), model, r, d);
@@ -126,7 +133,8 @@ impl Filter for Imm {
                         .iter()
                         .enumerate()
                         .map(|(i, (weight, state))| {
-                            (weight * model.transition(i, r), state.predicted(model, i, r))
+                            let transition = &self.transitions.path[i][r];
+                            (weight * transition.probability, state.predicted(transition))
                         })
                         .collect();
                     let arriving: f64 = paths.iter().map(|(weight, _)| weight).sum();

@@ -4,12 +4,13 @@
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-use super::model::{Filter, Gaussian, Model, Posterior};
+use super::model::{Filter, Gaussian, Model, Posterior, Transitions};
 
 /// The mixture.
 #[derive(Clone, Debug)]
 pub struct Mixture {
     model: Model,
+    transitions: Transitions,
     limit: usize,
     random: Pcg64,
     components: Vec<Component>,
@@ -34,6 +35,7 @@ impl Mixture {
     pub fn bounded(model: &Model, limit: usize, seed: u64) -> Self {
         Self {
             model: model.clone(),
+            transitions: Transitions::new(model),
             limit,
             random: Pcg64::seed_from_u64(seed),
             components: Vec::new(),
@@ -90,10 +92,10 @@ impl Filter for Mixture {
             self.components
                 .iter()
                 .flat_map(|from| {
-                    (0..modes).map(|mode| Component {
-                        weight: from.weight * model.transition(from.mode, mode),
+                    self.transitions.path[from.mode].iter().enumerate().map(|(mode, transition)| Component {
+                        weight: from.weight * transition.probability,
                         mode,
-                        state: from.state.predicted(model, from.mode, mode),
+                        state: from.state.predicted(transition),
                     })
                 })
                 .collect()

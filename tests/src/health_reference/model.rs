@@ -80,7 +80,7 @@ impl Model {
         }
     }
 
-    /// The monitor's configuration for this model; what the model does not know stays as in `base`.
+    /// The monitor's configuration for exactly this model; what the model does not know stays as in `base`.
     ///
     /// # Panics
     /// If the number of levels is not `LEVELS`.
@@ -112,6 +112,7 @@ impl Model {
                 random_walk: number(self.gamma_xi / self.dt.sqrt()),
                 initial_sigma: number(self.sigma_xi0),
                 drift_sigma: number(self.sigma_mu),
+                drift_random_walk: T::zero(),
                 ..base.inertial
             },
             residual_sigma: number(self.residual_variance.sqrt()),
@@ -188,6 +189,37 @@ impl Model {
     }
 }
 
+/// Every transition's matrices, computed once.
+#[derive(Clone, Debug)]
+pub struct Transitions {
+    /// `path[i][r]`.
+    pub path: Vec<Vec<Transition>>,
+}
+
+/// One transition i → r.
+#[derive(Clone, Copy, Debug)]
+pub struct Transition {
+    /// Π(i, r).
+    pub probability: f64,
+    /// F.
+    pub matrix: Matrix4<f64>,
+    /// G Gᵀ.
+    pub noise: Matrix4<f64>,
+}
+
+impl Transitions {
+    /// Of a model.
+    pub fn new(model: &Model) -> Self {
+        let transition = |i, r| Transition {
+            probability: model.transition(i, r),
+            matrix: model.matrix(i, r),
+            noise: model.noise(i, r),
+        };
+        let modes = 0..model.modes();
+        Self { path: modes.clone().map(|i| modes.clone().map(|r| transition(i, r)).collect()).collect() }
+    }
+}
+
 /// A Gaussian of X.
 #[derive(Clone, Copy, Debug)]
 pub struct Gaussian {
@@ -198,11 +230,11 @@ pub struct Gaussian {
 }
 
 impl Gaussian {
-    /// Moved over the transition i → r.
+    /// Moved over a transition.
     #[must_use]
-    pub fn predicted(&self, model: &Model, i: usize, r: usize) -> Self {
-        let f = model.matrix(i, r);
-        Self { mean: f * self.mean, covariance: f * self.covariance * f.transpose() + model.noise(i, r) }
+    pub fn predicted(&self, transition: &Transition) -> Self {
+        let f = &transition.matrix;
+        Self { mean: f * self.mean, covariance: f * self.covariance * f.transpose() + transition.noise }
     }
 
     /// Given the residual d in mode r, and the density of d.

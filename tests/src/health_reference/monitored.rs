@@ -15,14 +15,19 @@ pub struct Monitored<T, const LEVELS: usize> {
 }
 
 impl<T: RealField + Copy> Monitored<T, 2> {
-    /// Two levels.
+    /// As it is delivered, for a Doppler radio.
+    pub fn delivered() -> Self {
+        Self::with(&HealthConfig::<T, 2>::doppler_against_inertial())
+    }
+
+    /// Two levels and exactly the model's drift.
     pub fn new(model: &Model) -> Self {
         Self::with(&model.config(&HealthConfig::<T, 2>::doppler_against_inertial()))
     }
 }
 
 impl<T: RealField + Copy> Monitored<T, 3> {
-    /// Three levels.
+    /// Three levels and exactly the model's drift.
     pub fn three_levels(model: &Model) -> Self {
         Self::with(&model.config(&HealthConfig::<T, 3>::doppler_against_inertial_three_levels()))
     }

@@ -265,7 +265,8 @@ mod tests {
             which in 0..3_usize,
             degraded in any::<bool>(),
         ) {
-            let config = HealthConfig::<f64, 2>::doppler_against_inertial();
+            let mut config = HealthConfig::<f64, 2>::doppler_against_inertial();
+            config.inertial.drift_random_walk = 0.0;
             let span = SpanLadder::new(&config).span(1);
             let (jump, lambda) = [(ABSENT, 0.0), (FRESH, 1.0), (KEPT, 1.0)][which];
             let root = Matrix4::from_column_slice(&root);

@@ -1,5 +1,5 @@
 //! What the monitor is told about the two sensors before the flight, and the check of it.
-use nalgebra::{RealField, convert};
+use nalgebra::{RealField, convert, try_convert};
 use serde::{Deserialize, Serialize};
 
 use super::span::MAX_SPAN_STEPS;
@@ -59,8 +59,9 @@ pub struct InertialErrorModel<T> {
     pub initial_sigma: T,
     /// Standard deviation of the drift μ at the first residual, m/s².
     pub drift_sigma: T,
-    /// Random walk of μ, (m/s²)/√s. Zero is the paper's constant drift; an inertial system whose error swings
-    /// with the Schuler period needs more.
+    /// Random walk of μ, (m/s²)/√s. Zero is the paper's constant drift. An inertial system whose error swings
+    /// with the Schuler period needs more: held constant, μ is soon trusted too much to follow, and the lag
+    /// looks like a jump.
     pub drift_random_walk: T,
     /// The sensor's specified bound on |ξ|, m/s. Beyond it the inertial sensor comes under suspicion.
     pub bound: T,
@@ -101,15 +102,18 @@ pub struct HealthConfig<T, const LEVELS: usize> {
     /// A residual farther than this many standard deviations from the prediction of every mode is out of the
     /// model and not used.
     pub out_of_model_sigma: T,
-    /// Without a usable residual for longer than this, s, start again from the priors. At most
-    /// [`MAX_SPAN_STEPS`] steps.
+    /// Without a usable residual for longer than this, s, there is no verdict.
+    pub unobserved_after_s: T,
+    /// Without a usable residual for longer than this, s, the next one starts from the priors. At most
+    /// [`MAX_SPAN_STEPS`] steps. Until then what is known of the inertial error is carried over the gap.
     pub restart_after_s: T,
     /// Readings older than this are not used, milliseconds.
     pub max_age_ms: u32,
 }
 
 impl<T: RealField + Copy> HealthConfig<T, 2> {
-    /// Doppler ground speed against inertial velocity at 1 Hz, one normal and one degraded level [HLT-7].
+    /// Doppler ground speed against inertial velocity at 1 Hz, one normal and one degraded level [HLT-7], with
+    /// a drift that may change.
     pub fn doppler_against_inertial() -> Self {
         let number = convert::<f64, T>;
         let chain = |fail: f64, recover: f64| {
@@ -135,13 +139,14 @@ impl<T: RealField + Copy> HealthConfig<T, 2> {
                 random_walk: number(0.005),
                 initial_sigma: number(0.5),
                 drift_sigma: number(3e-4),
-                drift_random_walk: T::zero(),
+                drift_random_walk: number(1e-5),
                 bound: number(2.0),
             },
             residual_sigma: number(0.01),
             alarm: AlarmThresholds { set: number(0.9), clear: number(0.45) },
             out_of_model_sigma: number(50.0),
-            restart_after_s: number(60.0),
+            unobserved_after_s: number(60.0),
+            restart_after_s: number(600.0),
             max_age_ms: 1500,
         }
     }
@@ -171,6 +176,7 @@ impl<T: RealField + Copy> HealthConfig<T, 3> {
             residual_sigma: base.residual_sigma,
             alarm: base.alarm,
             out_of_model_sigma: base.out_of_model_sigma,
+            unobserved_after_s: base.unobserved_after_s,
             restart_after_s: base.restart_after_s,
             max_age_ms: base.max_age_ms,
         }
@@ -178,14 +184,10 @@ impl<T: RealField + Copy> HealthConfig<T, 3> {
 }
 
 impl<T: RealField + Copy, const LEVELS: usize> HealthConfig<T, LEVELS> {
-    /// The longest silence that is bridged, in steps; at least one.
-    pub(super) fn bridged_steps(&self) -> u32 {
-        let limit = self.restart_after_s / self.step_s * convert(1.0 + 1e-6);
-        let mut steps = 0;
-        for candidate in 1..=MAX_SPAN_STEPS {
-            steps += u32::from(convert::<f64, T>(f64::from(candidate)) <= limit);
-        }
-        steps
+    /// A duration in whole steps.
+    pub(super) fn steps(&self, seconds: T) -> u32 {
+        let steps = seconds / self.step_s * convert(1.0 + 1e-6);
+        try_convert::<T, f64>(steps).map_or(0, |steps| steps as u32)
     }
 
     /// Checks every field.
@@ -232,6 +234,7 @@ impl<T: RealField + Copy, const LEVELS: usize> HealthConfig<T, LEVELS> {
         require("health.alarm.clear", self.alarm.clear < self.alarm.set)?;
         positive("health.out_of_model_sigma", self.out_of_model_sigma)?;
         within("health.out_of_model_sigma", self.out_of_model_sigma, [5.0, 1e6])?;
+        positive("health.unobserved_after_s", self.unobserved_after_s)?;
         positive("health.restart_after_s", self.restart_after_s)?;
         let steps = self.restart_after_s / self.step_s;
         within("health.restart_after_s", steps, [1.0, f64::from(MAX_SPAN_STEPS) * (1.0 + 1e-6)])

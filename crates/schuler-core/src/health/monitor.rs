@@ -5,7 +5,7 @@ use super::conditional::Conditional;
 use super::config::{AlarmThresholds, HealthConfig};
 use super::output::{Estimate, HealthOutput, HealthStatus};
 use super::recursion::Recursion;
-use super::span::SpanLadder;
+use super::span::{MAX_SPAN_STEPS, SpanLadder};
 use super::verdict::{Findings, HealthAlarms};
 use crate::config::ConfigError;
 use crate::reading::{Quality, Reading};
@@ -26,7 +26,9 @@ pub struct HealthMonitor<T, const LEVELS: usize> {
     normal_levels: usize,
     inertial_bound: T,
     /// A jump of more steps than this may as well be the inertial sensor's.
-    attribution_steps: T,
+    attribution_steps: u32,
+    /// After this many steps of silence there is no verdict.
+    unobserved_steps: u32,
     /// The longest silence that is bridged, steps.
     bridged_steps: u32,
     max_age_ms: u32,
@@ -57,8 +59,9 @@ impl<T: RealField + Copy, const LEVELS: usize> HealthMonitor<T, LEVELS> {
             thresholds: config.alarm,
             normal_levels: usize::from(config.radio.normal_levels),
             inertial_bound: config.inertial.bound,
-            attribution_steps: config.jump.attribution_limit_s / config.step_s,
-            bridged_steps: config.bridged_steps(),
+            attribution_steps: config.steps(config.jump.attribution_limit_s),
+            unobserved_steps: config.steps(config.unobserved_after_s),
+            bridged_steps: config.steps(config.restart_after_s).min(MAX_SPAN_STEPS),
             max_age_ms: config.max_age_ms,
             recursion: priors,
             started: false,
@@ -105,13 +108,8 @@ impl<T: RealField + Copy, const LEVELS: usize> HealthMonitor<T, LEVELS> {
         let used = present && !evidence.out_of_model;
         self.started |= used;
         self.silence = if used { 0 } else { silence };
-        self.rejected = if evidence.out_of_model {
-            self.rejected.saturating_add(1)
-        } else if used {
-            0
-        } else {
-            self.rejected
-        };
+        let counted = self.rejected.saturating_add(u32::from(evidence.out_of_model));
+        self.rejected = if used { 0 } else { counted };
 
         let sound = self.recursion.is_sound();
         if !sound {
@@ -204,9 +202,9 @@ impl<T: RealField + Copy, const LEVELS: usize> HealthMonitor<T, LEVELS> {
         self.jump_steps = if jump { self.jump_steps.saturating_add(elapsed) } else { 0 };
         let findings = Findings {
             alarms: *alarms,
-            observed: self.started,
+            observed: self.started && self.silence <= self.unobserved_steps,
             out_of_model: self.rejected >= OUT_OF_MODEL_STEPS,
-            persistent_jump: convert::<f64, T>(f64::from(self.jump_steps)) > self.attribution_steps,
+            persistent_jump: self.jump_steps > self.attribution_steps,
         };
         output.alarms = *alarms;
         (output.verdict, output.suspect) = findings.verdict();

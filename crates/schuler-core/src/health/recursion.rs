@@ -104,22 +104,27 @@ impl<T: RealField + Copy, const LEVELS: usize> Recursion<T, LEVELS> {
 
         // Likelihoods relative to the best path's, so that they cannot all vanish.
         let limit = T::max_value().unwrap_or(self.gate_squared);
-        let better = |q: T, path: &Path<T>| if path.prior > T::zero() { q.min(path.q) } else { q };
+        let better = |q: T, path: &Path<T>| if path.prior > T::zero() && path.q < q { path.q } else { q };
         let best = fans.iter().flatten().flatten().flat_map(|fan| &fan.paths).fold(limit, better);
         let out_of_model = present && (best > self.gate_squared);
         let usable = present && !out_of_model;
         let half = convert::<f64, T>(0.5);
         let mut total = T::zero();
         for path in fans.iter_mut().flatten().flatten().flat_map(|fan| &mut fan.paths) {
-            let fit = (half * (best - path.q).min(T::zero())).exp() * path.inverse_variance.sqrt();
+            let worse = if path.q > best { path.q - best } else { T::zero() };
+            let fit = (-half * worse).exp() * path.inverse_variance.sqrt();
             path.posterior = path.prior * if usable { fit } else { T::one() };
             total += path.posterior;
         }
 
         let per_total = T::one() / total;
-        let merged = fans.map(|fans| array::from_fn(|level| merge(&fans, level, per_total, usable)));
-        self.weights = floored(merged.map(|row: [_; LEVELS]| row.map(|(share, _)| share)));
-        self.conditionals = merged.map(|row| row.map(|(_, conditional)| conditional));
+        let mut shares = self.weights;
+        for ((fans, shares), conditionals) in fans.iter().zip(&mut shares).zip(&mut self.conditionals) {
+            for (level, (share, conditional)) in shares.iter_mut().zip(conditionals).enumerate() {
+                (*share, *conditional) = merge(fans, level, per_total, usable);
+            }
+        }
+        self.weights = floored(shares);
 
         let (predicted, variance) = residual_prediction(&fans);
         let log_likelihood = total.ln() - half * (best + T::two_pi().ln());
@@ -226,7 +231,8 @@ fn residual_prediction<T: RealField + Copy, const LEVELS: usize>(
 
 /// Step 5 [HLT-5]: nothing below the floor, sum one.
 fn floored<T: RealField + Copy, const LEVELS: usize>(weights: PerMode<T, LEVELS>) -> PerMode<T, LEVELS> {
-    let raised = weights.map(|row| row.map(|weight| weight.max(convert(PROBABILITY_FLOOR))));
+    let floor = convert(PROBABILITY_FLOOR);
+    let raised = weights.map(|row| row.map(|weight| if weight > floor { weight } else { floor }));
     let total = raised.iter().flatten().fold(T::zero(), |sum, &weight| sum + weight);
     raised.map(|row| row.map(|weight| weight / total))
 }

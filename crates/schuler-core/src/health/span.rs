@@ -12,7 +12,7 @@ use nalgebra::RealField;
 use super::config::HealthConfig;
 
 /// Number of doublings held.
-const STAGES: usize = 6;
+const STAGES: usize = 10;
 
 /// The longest span, steps.
 pub const MAX_SPAN_STEPS: u32 = (1 << STAGES) - 1;
