@@ -71,16 +71,6 @@ fn gpb2_has_its_golden_numbers<T: RealField + Copy>(tolerance: f64) {
     let sigma = state.covariance.diagonal().map(f64::sqrt);
     assert_all_near("sigma X(11)", &sigma, &[0.34292036, 0.33768618, 0.07797150, 0.00029999], tolerance);
     assert!((log_likelihood + 11.4204640376).abs() < 10.0 * tolerance, "{log_likelihood}");
-
-    // Without residual 5.
-    let posteriors = self::posteriors(&mut Monitored::<T, 2>::new(&Model::doppler()), Some(5));
-    for (k, expected) in [
-        (5, [0.02524291, 0.41391271, 0.55584732, 0.00499707]),
-        (6, [0.01907762, 0.19764475, 0.78077538, 0.00250224]),
-        (11, [0.64972637, 0.34220653, 0.00148748, 0.00657962]),
-    ] {
-        assert_all_near(&format!("w({k}) with a gap"), &posteriors[k].modes, &expected, tolerance);
-    }
 }
 
 #[test]
@@ -110,6 +100,41 @@ fn hlt_5_h3_distance_of_approximations_to_the_exact_posterior() {
     assert_all_near("GPB2", &found[..1], &[2.7e-4], 5e-6);
     assert_all_near("IMM", &found[1..2], &[0.169], 6e-4);
     assert_all_near("GPB1", &found[2..], &[0.357], 6e-4);
+}
+
+/// Without residual 5. What is said in the gap is the golden number; after it the monitor is closer to the exact
+/// posterior than the 1.1e-2 of GPB2 with a merging in every silent second.
+#[test]
+fn hlt_6_h3_missing_residual_against_enumeration() {
+    let model = Model::doppler();
+    let golden = [0.02524291, 0.41391271, 0.55584732, 0.00499707];
+    let merged_in_silence = [0.01907762, 0.19764475, 0.78077538, 0.00250224];
+    let mut mixture = Mixture::exact(&model);
+    let exact: Vec<_> =
+        RESIDUALS[..9].iter().enumerate().map(|(k, &d)| mixture.step((k != 5).then_some(d))).collect();
+    let found = posteriors(&mut Monitored::<f64, 2>::new(&model), Some(5));
+    assert_all_near("w(5)", &found[5].modes, &golden, 1e-7);
+    let single = posteriors(&mut Monitored::<f32, 2>::new(&model), Some(5));
+    assert_all_near("w(5)", &single[5].modes, &golden, 1e-5);
+    let off = |k: usize, modes: &[f64]| {
+        modes.iter().zip(&exact[k].modes).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    };
+    println!(
+        "largest |w − exact| after the gap: k = 6 {:.1e} (merging in silence {:.1e}), k = 7 {:.1e}, k = 8 {:.1e}",
+        off(6, &found[6].modes),
+        off(6, &merged_in_silence),
+        off(7, &found[7].modes),
+        off(8, &found[8].modes)
+    );
+    for k in 6..9 {
+        assert!(
+            off(k, &found[k].modes) < 1e-3,
+            "w({k}): {:?} instead of {:?}",
+            found[k].modes,
+            exact[k].modes
+        );
+    }
+    assert!(off(6, &found[6].modes) < 0.1 * off(6, &merged_in_silence));
 }
 
 /// Three levels: GPB2 against enumeration where it is exact, and close to it after.

@@ -207,16 +207,12 @@ impl<T: RealField + Copy, const LEVELS: usize> HealthConfig<T, LEVELS> {
         require("health.radio.sigma", ascending)?;
         let normal = usize::from(radio.normal_levels);
         require("health.radio.normal_levels", normal >= 1 && normal <= LEVELS)?;
-        for row in &radio.transition {
-            distribution("health.radio.transition", row)?;
-        }
+        chain("health.radio.transition", &radio.transition)?;
         distribution("health.radio.initial", &radio.initial)?;
 
         let jump = &self.jump;
         sigma_in_range("health.jump.sigma", jump.sigma)?;
-        for row in &jump.transition {
-            distribution("health.jump.transition", row)?;
-        }
+        chain("health.jump.transition", &jump.transition)?;
         distribution("health.jump.initial", &jump.initial)?;
         positive("health.jump.attribution_limit_s", jump.attribution_limit_s)?;
 
@@ -278,4 +274,16 @@ fn distribution<T: RealField + Copy>(field: &'static str, row: &[T]) -> Result<(
         sum += probability;
     }
     require(field, (sum - T::one()).abs() <= convert(ROW_SUM_TOLERANCE))
+}
+
+/// A transition matrix in which every state can stay, so that every mode always has a path that leads to it.
+fn chain<T: RealField + Copy, const SIZE: usize>(
+    field: &'static str,
+    transition: &[[T; SIZE]; SIZE],
+) -> Result<(), ConfigError> {
+    for (state, row) in transition.iter().enumerate() {
+        distribution(field, row)?;
+        require(field, row.get(state).is_some_and(|stay| *stay > T::zero()))?;
+    }
+    Ok(())
 }

@@ -32,7 +32,15 @@ pub struct HealthMonitor<T, const LEVELS: usize> {
     /// The longest silence that is bridged, steps.
     bridged_steps: u32,
     max_age_ms: u32,
+    state: State<T, LEVELS>,
+}
 
+/// What changes from step to step.
+#[derive(Clone, Copy, Debug)]
+struct State<T, const LEVELS: usize> {
+    /// As of the last residual that was used. Silence is bridged from there in one span and not second by
+    /// second, because every merging without a residual to weigh the paths loses what the next one could tell
+    /// apart.
     recursion: Recursion<T, LEVELS>,
     /// A residual has been used since the last start.
     started: bool,
@@ -63,28 +71,18 @@ impl<T: RealField + Copy, const LEVELS: usize> HealthMonitor<T, LEVELS> {
             unobserved_steps: config.steps(config.unobserved_after_s),
             bridged_steps: config.steps(config.restart_after_s).min(MAX_SPAN_STEPS),
             max_age_ms: config.max_age_ms,
-            recursion: priors,
-            started: false,
-            silence: 0,
-            rejected: 0,
-            jump_steps: 0,
-            alarms: HealthAlarms::empty(),
+            state: State::new(priors),
         })
     }
 
     /// Forgets everything but the configuration.
     pub fn restart(&mut self) {
-        self.recursion = self.priors;
-        self.started = false;
-        self.silence = 0;
-        self.rejected = 0;
-        self.jump_steps = 0;
-        self.alarms = HealthAlarms::empty();
+        self.state = State::new(self.priors);
     }
 
     /// One step with the readings of both sensors, m/s. `elapsed`: nominal steps since the last call, 1 in
-    /// ordinary running; the model is moved over all of them at the work of one. Never panics; whatever the
-    /// readings, the state stays usable.
+    /// ordinary running; any number of them is the same work. Never panics; whatever the readings, the state
+    /// stays usable.
     pub fn step(
         &mut self,
         radio: &Reading<T>,
@@ -94,28 +92,32 @@ impl<T: RealField + Copy, const LEVELS: usize> HealthMonitor<T, LEVELS> {
         let radio_usable = self.is_usable(radio);
         let inertial_usable = self.is_usable(inertial);
         let residual = radio.value - inertial.value;
-        let repeated = self.started && (elapsed == 0);
+        let state = &mut self.state;
+        let repeated = state.started && elapsed == 0;
         let present = radio_usable && inertial_usable && residual.is_finite() && !repeated;
 
-        let silence = self.silence.saturating_add(elapsed);
-        let restarted = self.started && (silence > self.bridged_steps);
+        state.silence = state.silence.saturating_add(elapsed);
+        let restarted = state.started && state.silence > self.bridged_steps;
         if restarted {
-            self.recursion = self.priors;
-            self.started = false;
+            state.recursion = self.priors;
+            state.started = false;
         }
-        let span = self.ladder.span(if self.started { elapsed } else { 0 });
-        let evidence = self.recursion.step(&span, residual, present);
-        let used = present && !evidence.out_of_model;
-        self.started |= used;
-        self.silence = if used { 0 } else { silence };
-        let counted = self.rejected.saturating_add(u32::from(evidence.out_of_model));
-        self.rejected = if used { 0 } else { counted };
-
-        let sound = self.recursion.is_sound();
+        let span = self.ladder.span(if state.started { state.silence } else { 0 });
+        let (mut now, evidence) = state.recursion.after(&span, residual, present);
+        let sound = now.is_sound();
         if !sound {
-            self.recursion = self.priors;
-            self.started = false;
+            now = self.priors;
+            state.recursion = self.priors;
+            state.started = false;
         }
+        if present && sound && !evidence.out_of_model {
+            state.recursion = now;
+            state.started = true;
+            state.silence = 0;
+            state.rejected = 0;
+        }
+        state.rejected = state.rejected.saturating_add(u32::from(evidence.out_of_model));
+
         let mut status = HealthStatus::empty();
         status.set(HealthStatus::RADIO_UNUSABLE, !radio_usable);
         status.set(HealthStatus::INERTIAL_UNUSABLE, !inertial_usable);
@@ -135,10 +137,10 @@ impl<T: RealField + Copy, const LEVELS: usize> HealthMonitor<T, LEVELS> {
             log_likelihood: evidence.log_likelihood,
             ..HealthOutput::default()
         };
-        self.read_probabilities(&mut output);
+        read_probabilities(&mut output, &now, self.normal_levels);
         let radio = radio_usable.then_some(radio.value);
         let inertial = inertial_usable.then_some(inertial.value);
-        self.read_estimates(&mut output, radio, inertial, present);
+        read_estimates(&mut output, &now.over_modes(), radio, inertial, present);
         self.judge(&mut output, elapsed);
         output
     }
@@ -147,50 +149,9 @@ impl<T: RealField + Copy, const LEVELS: usize> HealthMonitor<T, LEVELS> {
         (reading.quality == Quality::Good) && (reading.age_ms <= self.max_age_ms) && reading.value.is_finite()
     }
 
-    fn read_probabilities(&self, output: &mut HealthOutput<T, LEVELS>) {
-        let weights = &self.recursion.weights;
-        output.mode_probability = *weights;
-        let [absent, present] = weights;
-        output.p_jump = present.iter().fold(T::zero(), |sum, &w| sum + w);
-        // Summed, not one less the rest: a small probability keeps its digits in single precision.
-        let degraded =
-            |row: &[T; LEVELS]| row.iter().skip(self.normal_levels).fold(T::zero(), |sum, &w| sum + w);
-        output.p_noise = degraded(absent) + degraded(present);
-        output.p_fault = output.p_jump + degraded(absent);
-    }
-
-    fn read_estimates(
-        &self,
-        output: &mut HealthOutput<T, LEVELS>,
-        radio: Option<T>,
-        inertial: Option<T>,
-        present: bool,
-    ) {
-        let Conditional { mean: [eps, xi, m, mu], covariance } = self.recursion.over_modes();
-        let [p00, _, p02, _, p11, _, _, p22, _, p33] = covariance;
-        let estimate = |value: T, variance: T| Estimate { value, sigma: variance.max(T::zero()).sqrt() };
-        output.correlated_error = estimate(eps, p00);
-        output.inertial_error = estimate(xi, p11);
-        output.jump = estimate(m, p22);
-        output.inertial_drift = estimate(mu, p33);
-        output.radio_error = if present {
-            estimate(output.residual + xi, p11)
-        } else {
-            estimate(eps + m, p00 + p02 + p02 + p22)
-        };
-        output.corrected = match (radio, inertial) {
-            (_, Some(inertial)) => {
-                Some(Estimate { value: inertial - xi, sigma: output.inertial_error.sigma })
-            }
-            (Some(radio), None) => {
-                Some(Estimate { value: radio - output.radio_error.value, sigma: output.radio_error.sigma })
-            }
-            (None, None) => None,
-        };
-    }
-
     fn judge(&mut self, output: &mut HealthOutput<T, LEVELS>, elapsed: u32) {
-        let alarms = &mut self.alarms;
+        let state = &mut self.state;
+        let alarms = &mut state.alarms;
         alarms.follow(HealthAlarms::JUMP, output.p_jump, &self.thresholds);
         alarms.follow(HealthAlarms::NOISE, output.p_noise, &self.thresholds);
         alarms.follow(HealthAlarms::FAULT, output.p_fault, &self.thresholds);
@@ -199,14 +160,67 @@ impl<T: RealField + Copy, const LEVELS: usize> HealthMonitor<T, LEVELS> {
         alarms.switch(HealthAlarms::INERTIAL, beyond, xi.value.abs() < self.inertial_bound);
 
         let jump = alarms.contains(HealthAlarms::JUMP);
-        self.jump_steps = if jump { self.jump_steps.saturating_add(elapsed) } else { 0 };
+        state.jump_steps = if jump { state.jump_steps.saturating_add(elapsed) } else { 0 };
         let findings = Findings {
-            alarms: *alarms,
-            observed: self.started && self.silence <= self.unobserved_steps,
-            out_of_model: self.rejected >= OUT_OF_MODEL_STEPS,
-            persistent_jump: self.jump_steps > self.attribution_steps,
+            alarms: state.alarms,
+            observed: state.started && state.silence <= self.unobserved_steps,
+            out_of_model: state.rejected >= OUT_OF_MODEL_STEPS,
+            persistent_jump: state.jump_steps > self.attribution_steps,
         };
-        output.alarms = *alarms;
+        output.alarms = state.alarms;
         (output.verdict, output.suspect) = findings.verdict();
     }
+}
+
+impl<T: RealField + Copy, const LEVELS: usize> State<T, LEVELS> {
+    fn new(priors: Recursion<T, LEVELS>) -> Self {
+        Self {
+            recursion: priors,
+            started: false,
+            silence: 0,
+            rejected: 0,
+            jump_steps: 0,
+            alarms: HealthAlarms::empty(),
+        }
+    }
+}
+
+fn read_probabilities<T: RealField + Copy, const LEVELS: usize>(
+    output: &mut HealthOutput<T, LEVELS>,
+    now: &Recursion<T, LEVELS>,
+    normal_levels: usize,
+) {
+    output.mode_probability = now.weights;
+    let [absent, present] = &now.weights;
+    let sum_from =
+        |row: &[T; LEVELS], first: usize| row.iter().skip(first).fold(T::zero(), |sum, &w| sum + w);
+    output.p_jump = sum_from(present, 0);
+    // Summed, not one less the rest: a small probability keeps its digits in single precision.
+    output.p_noise = sum_from(absent, normal_levels) + sum_from(present, normal_levels);
+    output.p_fault = output.p_jump + sum_from(absent, normal_levels);
+}
+
+fn read_estimates<T: RealField + Copy, const LEVELS: usize>(
+    output: &mut HealthOutput<T, LEVELS>,
+    now: &Conditional<T>,
+    radio: Option<T>,
+    inertial: Option<T>,
+    present: bool,
+) {
+    let [eps, xi, m, mu] = now.mean;
+    let [p00, _, p02, _, p11, _, _, p22, _, p33] = now.covariance;
+    let estimate = |value: T, variance: T| Estimate { value, sigma: variance.max(T::zero()).sqrt() };
+    output.correlated_error = estimate(eps, p00);
+    output.inertial_error = estimate(xi, p11);
+    output.jump = estimate(m, p22);
+    output.inertial_drift = estimate(mu, p33);
+    output.radio_error =
+        if present { estimate(output.residual + xi, p11) } else { estimate(eps + m, p00 + p02 + p02 + p22) };
+    output.corrected = match (radio, inertial) {
+        (_, Some(inertial)) => Some(Estimate { value: inertial - xi, sigma: output.inertial_error.sigma }),
+        (Some(radio), None) => {
+            Some(Estimate { value: radio - output.radio_error.value, sigma: output.radio_error.sigma })
+        }
+        (None, None) => None,
+    };
 }

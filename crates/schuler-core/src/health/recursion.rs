@@ -96,9 +96,9 @@ impl<T: RealField + Copy, const LEVELS: usize> Recursion<T, LEVELS> {
         }
     }
 
-    /// Moves over `span` and takes in the residual d, m/s, if it is `present` [HLT-5]. The work is the same with
-    /// and without a residual.
-    pub(super) fn step(&mut self, span: &Span<T, LEVELS>, residual: T, present: bool) -> Evidence<T> {
+    /// Probabilities and Gaussians after `span` and, if it is `present`, the residual d, m/s [HLT-5]. The work is
+    /// the same with and without a residual.
+    pub(super) fn after(&self, span: &Span<T, LEVELS>, residual: T, present: bool) -> (Self, Evidence<T>) {
         let d = if present { residual } else { T::zero() };
         let mut fans: [PerMode<_, LEVELS>; 2] = array::from_fn(|to| self.fans(span, d, to));
 
@@ -118,22 +118,25 @@ impl<T: RealField + Copy, const LEVELS: usize> Recursion<T, LEVELS> {
         }
 
         let per_total = T::one() / total;
-        let mut shares = self.weights;
-        for ((fans, shares), conditionals) in fans.iter().zip(&mut shares).zip(&mut self.conditionals) {
-            for (level, (share, conditional)) in shares.iter_mut().zip(conditionals).enumerate() {
-                (*share, *conditional) = merge(fans, level, per_total, usable);
+        let mut after = *self;
+        for ((fans, weights), conditionals) in
+            fans.iter().zip(&mut after.weights).zip(&mut after.conditionals)
+        {
+            for (level, (weight, conditional)) in weights.iter_mut().zip(conditionals).enumerate() {
+                (*weight, *conditional) = merge(fans, level, per_total, usable);
             }
         }
-        self.weights = floored(shares);
+        after.weights = floored(after.weights);
 
         let (predicted, variance) = residual_prediction(&fans);
         let log_likelihood = total.ln() - half * (best + T::two_pi().ln());
-        Evidence {
+        let evidence = Evidence {
             innovation: if present { d - predicted } else { T::zero() },
             variance,
             log_likelihood: if usable { log_likelihood } else { T::zero() },
             out_of_model,
-        }
+        };
+        (after, evidence)
     }
 
     /// First two moments of X over all modes.
