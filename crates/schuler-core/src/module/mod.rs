@@ -2,7 +2,7 @@
 use bitflags::bitflags;
 use serde::{Deserialize, Serialize};
 
-use crate::config::ConfigError;
+use crate::config::{ConfigError, Problem};
 use crate::filter::{FilterConfig, FilterOutput, MarkovNoise};
 use crate::identification::{IdentificationConfig, IdentificationOutput};
 use crate::isolation::{FaultIsolation, IsolationConfig, IsolationOutput};
@@ -22,6 +22,18 @@ pub struct StepInput {
     pub gyros: [Reading<f64>; GYROS],
     /// A command from the ground.
     pub command: Command,
+}
+
+impl StepInput {
+    /// The input of a step for which nothing came.
+    pub fn without_readings(time_ms: u64) -> Self {
+        Self {
+            time_ms,
+            velocity_error: Reading::missing(),
+            gyros: [Reading::missing(); GYROS],
+            command: Command::None,
+        }
+    }
 }
 
 /// A command from the ground, carried out in the step that brings it.
@@ -113,12 +125,35 @@ pub struct FlightModule {
     isolation: FaultIsolation,
 }
 
+impl Default for FlightModule {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl FlightModule {
+    /// A module with the default configuration; a constant, so that it can live in a static.
+    pub const fn new() -> Self {
+        Self { steps: 0, isolation: FaultIsolation {} }
+    }
+
+    /// Checks the configuration and starts afresh with it, in place. On error nothing has changed.
+    ///
+    /// # Errors
+    /// The first field that cannot be flown.
+    pub fn configure(&mut self, config: &ModuleConfig) -> Result<(), ConfigError> {
+        *self = Self::try_build(config)?;
+        Ok(())
+    }
+
     /// Checks the configuration and builds the module.
     ///
     /// # Errors
     /// The first field that cannot be flown.
     pub fn try_build(config: &ModuleConfig) -> Result<Self, ConfigError> {
+        if config.filter.step_s.is_nan() || config.filter.step_s <= 0.0 {
+            return Err(ConfigError::new("filter.step_s", Problem::NotPositive));
+        }
         Ok(Self { steps: 0, isolation: FaultIsolation::try_build(&config.isolation)? })
     }
 
