@@ -46,14 +46,19 @@ impl<const N: usize> Ring<N> {
         !full
     }
 
-    /// Takes the oldest byte out.
-    pub fn pop(&self) -> Option<u8> {
+    /// The oldest byte, which stays; for the reader.
+    pub fn peek(&self) -> Option<u8> {
         let read = self.read.load(Ordering::Relaxed);
         if read == self.written.load(Ordering::Acquire) {
             return None;
         }
-        let byte = self.bytes.get(read & (N - 1))?.load(Ordering::Relaxed);
-        self.read.store(read.wrapping_add(1), Ordering::Release);
+        Some(self.bytes.get(read & (N - 1))?.load(Ordering::Relaxed))
+    }
+
+    /// Takes the oldest byte out.
+    pub fn pop(&self) -> Option<u8> {
+        let byte = self.peek()?;
+        self.read.store(self.read.load(Ordering::Relaxed).wrapping_add(1), Ordering::Release);
         Some(byte)
     }
 
@@ -91,6 +96,7 @@ mod tests {
                         model.push_back(byte);
                     }
                 } else {
+                    prop_assert_eq!(ring.peek(), model.front().copied());
                     prop_assert_eq!(ring.pop(), model.pop_front());
                 }
                 prop_assert_eq!(ring.free(), 16 - model.len());
