@@ -40,9 +40,9 @@ pub fn is_empty() -> bool {
     QUEUE.is_empty()
 }
 
-/// Frames dropped since the last call, for want of room.
-pub fn take_dropped() -> u32 {
-    DROPPED.swap(0, Ordering::Relaxed)
+/// Frames dropped so far, for want of room.
+pub fn dropped() -> u32 {
+    DROPPED.load(Ordering::Relaxed)
 }
 
 #[defmt::global_logger]

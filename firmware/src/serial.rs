@@ -65,23 +65,24 @@ fn rest() {
 #[derive(Default)]
 struct Complaints {
     logged: Counters,
+    dropped: u32,
     next_us: u64,
 }
 
 impl Complaints {
     /// Logs what has changed.
     fn log(&mut self, now: Counters) {
-        if now == self.logged {
-            return;
-        }
         if now.configurations != self.logged.configurations {
             defmt::info!("configured");
             self.logged.configurations = now.configurations;
         }
         let wrong = |counters: &Counters| {
-            (counters.refused, counters.lost_bytes, counters.stale, counters.conflicts, counters.overruns)
+            let Counters { refused, lost_bytes, stale, conflicts, overruns, skipped_ticks, .. } = *counters;
+            (refused, lost_bytes, stale, conflicts, overruns, skipped_ticks)
         };
-        if wrong(&now) == wrong(&self.logged) || time::now_us() < self.next_us {
+        let dropped = log::dropped();
+        let news = wrong(&now) != wrong(&self.logged) || dropped != self.dropped;
+        if !news || time::now_us() < self.next_us {
             return;
         }
         self.next_us = time::now_us() + COMPLAINT_PERIOD_US;
@@ -95,17 +96,19 @@ impl Complaints {
         if (now.stale, now.conflicts) != (self.logged.stale, self.logged.conflicts) {
             defmt::warn!("{=u32} commands late, {=u32} in conflict so far", now.stale, now.conflicts);
         }
-        if now.overruns != self.logged.overruns {
+        if (now.overruns, now.skipped_ticks) != (self.logged.overruns, self.logged.skipped_ticks) {
+            let (overruns, skipped, longest) = (now.overruns, now.skipped_ticks, now.longest_step_us);
             defmt::warn!(
-                "{=u32} steps overran so far, the longest {=u32} us",
-                now.overruns,
-                now.longest_step_us
+                "{=u32} steps overran, {=u32} ticks skipped, longest step {=u32} us",
+                overruns,
+                skipped,
+                longest
             );
         }
-        let dropped = log::take_dropped();
-        if dropped != 0 {
-            defmt::warn!("{=u32} log frames dropped", dropped);
+        if dropped != self.dropped {
+            defmt::warn!("{=u32} log frames dropped so far", dropped);
         }
         self.logged = now;
+        self.dropped = dropped;
     }
 }

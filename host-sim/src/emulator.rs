@@ -187,27 +187,34 @@ impl Emulator {
     /// # Errors
     /// QEMU is missing, or the image does not come up.
     pub fn start_image(kind: Image, elf: &Path) -> Result<Self, TargetError> {
-        let mut emulator = Self::launch(kind, elf)?;
+        Self::launch(kind, elf, &[])?.wait_for_banner()
+    }
+
+    /// Waits until the module says who it is.
+    ///
+    /// # Errors
+    /// It does not.
+    pub fn wait_for_banner(mut self) -> Result<Self, TargetError> {
         let deadline = Instant::now() + GIVE_UP;
         loop {
-            match emulator.receive(PATIENCE)? {
+            match self.receive(PATIENCE)? {
                 Some(Frame { message: ModuleMessage::Banner(banner), .. }) => {
-                    emulator.resume_after(&banner);
-                    emulator.banner = banner;
-                    return Ok(emulator);
+                    self.resume_after(&banner);
+                    self.banner = banner;
+                    return Ok(self);
                 }
-                None if Instant::now() < deadline => emulator.send(HELLO, &HostMessage::Hello)?,
+                None if Instant::now() < deadline => self.send(HELLO, &HostMessage::Hello)?,
                 None => return Err(TargetError::Silent(GIVE_UP)),
                 Some(_) => (),
             }
         }
     }
 
-    /// Starts an image without waiting for its banner: for images that do not speak the protocol.
+    /// Starts an image without waiting for its banner, with further options for QEMU.
     ///
     /// # Errors
     /// QEMU is missing or cannot be run.
-    pub fn launch(kind: Image, elf: &Path) -> Result<Self, TargetError> {
+    pub fn launch(kind: Image, elf: &Path, options: &[&str]) -> Result<Self, TargetError> {
         let log = tempfile::Builder::new()
             .prefix("schuler-log-")
             .tempfile()
@@ -234,6 +241,7 @@ impl Emulator {
             }
         }
         command.args(["-serial", &format!("file:{}", log.display())]);
+        command.args(options);
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().map_err(|error| match error.kind() {
             std::io::ErrorKind::NotFound => TargetError::MissingTool {

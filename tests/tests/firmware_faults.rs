@@ -29,20 +29,11 @@ fn wait_for_ready_mark(emulator: &mut Emulator) {
 
 /// Provokes a fault, waits for the next start, and returns the log in between.
 fn provoke(how: u8) -> Vec<String> {
-    let mut emulator = common::launch(Image::Provoke);
+    let mut emulator = common::launch(Image::Provoke, &[]);
     wait_for_ready_mark(&mut emulator);
     emulator.send_bytes(&[how]).unwrap();
     wait_for_ready_mark(&mut emulator);
-    // The ready mark overtakes the log.
-    let deadline = Instant::now() + PATIENCE;
-    loop {
-        let log = common::log(&emulator);
-        if log.iter().filter(|line| line.contains("started by")).count() == 2 {
-            return log;
-        }
-        assert!(Instant::now() < deadline, "{log:?}");
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    common::wait_for_log(&emulator, |log| log.iter().filter(|line| line.contains("started by")).count() == 2)
 }
 
 #[test]
@@ -105,14 +96,7 @@ fn the_log_of_a_start_is_as_it_was() {
     let mut emulator = common::start(Transport::Uart);
     emulator.configure(&ModuleConfig::default()).unwrap();
     emulator.send_bytes(&[1, 2, 3, 0]).unwrap();
-    let deadline = Instant::now() + PATIENCE;
-    let log = loop {
-        let log = common::log(&emulator);
-        if log.len() >= 3 || Instant::now() > deadline {
-            break log;
-        }
-        std::thread::sleep(Duration::from_millis(20));
-    };
+    let log = common::wait_for_log(&emulator, |log| log.len() == 3);
     let text = log.join("\n").replace(&format!("{SOURCE_HASH:016x}"), "<hash of the sources>") + "\n";
     common::assert_golden("start_mps2-an386.log", &text);
 }

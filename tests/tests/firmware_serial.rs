@@ -135,8 +135,7 @@ fn a_reset_by_command_is_told_from_power() {
         }
         other => panic!("{other:?}"),
     }
-    let log = common::log(&emulator);
-    assert!(log.iter().any(|line| line.ends_with("started by command")), "{log:?}");
+    common::wait_for_log(&emulator, |log| log.iter().any(|line| line.ends_with("started by command")));
 }
 
 fn next_tick(emulator: &mut Emulator) -> Tick {
@@ -216,4 +215,31 @@ fn the_clock_keeps_its_pace_and_reports_missing_inputs() {
 
     emulator.set_pace(Pace::Host).unwrap();
     assert!(emulator.step(&inputs.next().unwrap()).is_ok());
+}
+
+/// A processor that is too slow for its period says so, and does the steps that it can. An instruction takes a microsecond here:
+/// step and answer do not fit into a millisecond, whatever machine emulates it.
+#[test]
+fn a_step_that_overruns_is_flagged_and_counted() {
+    const TICKS: usize = 20;
+    if common::skipped("a_step_that_overruns_is_flagged_and_counted") {
+        return;
+    }
+    let slow = ["-icount", "shift=10,sleep=off"];
+    let mut emulator = common::launch(Image::Serial, &slow).wait_for_banner().unwrap();
+    emulator.configure(&ModuleConfig::default()).unwrap();
+    emulator.set_pace(Pace::Clock { period_ms: 1 }).unwrap();
+    let ticks: Vec<_> = (0..TICKS).map(|_| next_tick(&mut emulator)).collect();
+    emulator.set_pace(Pace::Host).unwrap();
+
+    assert!(ticks.iter().all(|tick| tick.overrun == (tick.late_us + tick.step_us >= 1000)), "{ticks:?}");
+    assert!(ticks[1..].iter().all(|tick| tick.skipped > 0), "{ticks:?}");
+    for pair in ticks.windows(2) {
+        let periods = 1 + u64::from(pair[1].skipped);
+        assert_eq!(pair[1].due_us - pair[0].due_us, periods * 1000, "no tick is lost in silence");
+    }
+    let counters = emulator.counters().unwrap();
+    assert!(counters.skipped_ticks as usize >= TICKS, "{counters:?}");
+    assert!(counters.overruns as usize >= ticks.iter().filter(|tick| tick.overrun).count(), "{counters:?}");
+    common::wait_for_log(&emulator, |log| log.iter().any(|line| line.contains("ticks skipped")));
 }

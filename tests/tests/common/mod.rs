@@ -3,6 +3,8 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::thread;
+use std::time::{Duration, Instant};
 
 use defmt_decoder::{DecodeError, Table};
 use host_sim::emulator::{Emulator, Image, TargetError, Transport, build};
@@ -37,9 +39,9 @@ pub(crate) fn start_image(image: Image) -> Emulator {
     or_explain(build(image).and_then(|elf| Emulator::start_image(image, &elf)))
 }
 
-/// An image that does not speak the protocol.
-pub(crate) fn launch(image: Image) -> Emulator {
-    or_explain(build(image).and_then(|elf| Emulator::launch(image, &elf)))
+/// An image that has not spoken yet, under QEMU with further options.
+pub(crate) fn launch(image: Image, options: &[&str]) -> Emulator {
+    or_explain(build(image).and_then(|elf| Emulator::launch(image, &elf, options)))
 }
 
 fn or_explain<T>(result: Result<T, TargetError>) -> T {
@@ -49,6 +51,19 @@ fn or_explain<T>(result: Result<T, TargetError>) -> T {
 /// What the target has logged so far: level and text, a line each.
 pub(crate) fn log(emulator: &Emulator) -> Vec<String> {
     decode(&emulator.log().unwrap(), emulator.image())
+}
+
+/// Waits until the log has a line: the answers of the module overtake it.
+pub(crate) fn wait_for_log(emulator: &Emulator, wanted: impl Fn(&[String]) -> bool) -> Vec<String> {
+    let deadline = Instant::now() + Duration::from_secs(30);
+    loop {
+        let log = log(emulator);
+        if wanted(&log) {
+            return log;
+        }
+        assert!(Instant::now() < deadline, "the log says only {log:?}");
+        thread::sleep(Duration::from_millis(20));
+    }
 }
 
 /// Decodes a log with the texts that the image holds.
