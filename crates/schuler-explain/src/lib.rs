@@ -1,1 +1,2 @@
-//! Placeholder.
+//! Why a recording does not look like its simulation.
+pub mod radio_identification;
