@@ -1,1 +1,3 @@
-//! Placeholder.
+//! Sensor and environment physics from first principles, and what the `schuler` command is made of.
+
+pub mod calibration_table;

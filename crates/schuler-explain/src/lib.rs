@@ -1,1 +1,3 @@
-//! Placeholder.
+//! Why a recording does not look like its simulation.
+
+pub mod calibration;
