@@ -1,3 +1,4 @@
-//! Placeholder.
+//! Sensor and environment physics from first principles, and what the `schuler` command is made of.
 
+pub mod calibration_table;
 pub mod emulator;

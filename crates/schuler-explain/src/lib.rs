@@ -1,2 +1,4 @@
 //! Why a recording does not look like its simulation.
+
+pub mod calibration;
 pub mod radio_identification;
