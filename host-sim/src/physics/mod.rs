@@ -1,0 +1,9 @@
+//! Physics from first principles: the Earth, heat, sensors, motion and the Schuler loop.
+//!
+//! Nothing here knows of the catalogue that explains a mismatch: an effect appears because a part is heavy, warm,
+//! elastic or late, not because its formula was added to an output.
+pub mod earth;
+pub mod heat;
+pub mod linear;
+pub mod random;
+pub mod rotor;
