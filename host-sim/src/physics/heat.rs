@@ -100,7 +100,7 @@ impl Conduction {
             .for_each(|(t, (k1, k2))| *t += step_s * ((1.0 - GAMMA) * k1 + GAMMA * k2));
     }
 
-    /// Solves k = f(base + γ Δ k) for the slope k of one stage: (I − γΔJ) k = f(base).
+    /// The slope k of one stage, which solves k = f(base + γ Δ k), that is (I − γ Δ J) k = f(base).
     fn stage(&self, base: &[f64], step_s: f64, ambient: f64) -> Vec<f64> {
         let n = self.bar.cells;
         let width = self.cell_width();

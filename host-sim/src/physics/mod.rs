@@ -3,7 +3,10 @@
 //! Nothing here knows of the catalogue that explains a mismatch: an effect appears because a part is heavy, warm,
 //! elastic or late, not because its formula was added to an output.
 pub mod earth;
+pub mod gyro;
 pub mod heat;
 pub mod linear;
+pub mod motion;
 pub mod random;
+pub mod readout;
 pub mod rotor;

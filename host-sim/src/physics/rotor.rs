@@ -575,9 +575,9 @@ mod tests {
             let shifted = |d: f64| {
                 let (mut q, mut v) = (q, v);
                 if wrt_speed {
-                    v[i] += d
+                    v[i] += d;
                 } else {
-                    q[i] += d
+                    q[i] += d;
                 }
                 lagrangian(&r, q, v, w, n)
             };
