@@ -105,3 +105,64 @@ pub fn record_k1() -> Flight {
     let mut generator = MinimalStandard::new(20_261_120);
     fly(&scenario_r1(), 21_600, || generator.normal())
 }
+
+/// A flight of `steps` seconds in which one sensor's error (0 accelerometer, 1 gyro) is exponential-cosine with
+/// the standard deviation of `config` and the given α (1/s) and β (rad/s); the other's is of first order.
+///
+/// Independent of the filter's models: the sensors' errors by their own recursions, the loop by the trapezoidal
+/// rule with ten substeps.
+pub fn fly_exponential_cosine(
+    config: &FilterConfig<f64>,
+    sensor: usize,
+    [alpha, beta]: [f64; 2],
+    steps: usize,
+    mut normal: impl FnMut() -> f64,
+) -> Flight {
+    let substep = 0.1;
+    let mut noise = [
+        (config.accelerometer.sigma, 1.0 / config.accelerometer.tau_s, 0.0),
+        (config.gyro.sigma, 1.0 / config.gyro.tau_s, 0.0),
+    ];
+    (noise[sensor].1, noise[sensor].2) = (alpha, beta);
+    let mut error = noise.map(|(sigma, ..)| [sigma * normal(), sigma * normal()]);
+    let (mut velocity, mut vertical) = (0.1 * normal(), 1e-4 * normal());
+    let mut flight = Flight { truth: Vec::with_capacity(steps), measured: Vec::with_capacity(steps) };
+    for _ in 0..steps {
+        for _ in 0..10 {
+            let before = error;
+            for ((sigma, alpha, beta), x) in noise.into_iter().zip(&mut error) {
+                let decay = (-alpha * substep).exp();
+                let (sine, cosine) = (beta * substep).sin_cos();
+                let driving = sigma * (1.0 - decay * decay).sqrt();
+                *x = [
+                    decay * (cosine * x[0] - sine * x[1]) + driving * normal(),
+                    decay * (sine * x[0] + cosine * x[1]) + driving * normal(),
+                ];
+            }
+            let (a, w) = (0.5 * (before[0][0] + error[0][0]), 0.5 * (before[1][0] + error[1][0]));
+            let middle = vertical + 0.5 * substep * (velocity / config.radius_m + w);
+            velocity += substep * (a - config.gravity * middle);
+            vertical += substep * (velocity / config.radius_m + w);
+        }
+        flight.truth.push([velocity, vertical, error[0][0], error[1][0]]);
+        flight.measured.push(velocity + config.velocity_noise * normal());
+    }
+    flight
+}
+
+/// The same configuration in the flight module's precision, with its gate.
+pub fn in_flight_precision(config: &FilterConfig<f64>) -> FilterConfig<f32> {
+    let noise =
+        |noise: MarkovNoise<f64>| MarkovNoise { sigma: noise.sigma as f32, tau_s: noise.tau_s as f32 };
+    FilterConfig {
+        radius_m: config.radius_m as f32,
+        gravity: config.gravity as f32,
+        step_s: config.step_s as f32,
+        accelerometer: noise(config.accelerometer),
+        gyro: noise(config.gyro),
+        velocity_noise: config.velocity_noise as f32,
+        initial_velocity_sigma: config.initial_velocity_sigma as f32,
+        initial_vertical_sigma: config.initial_vertical_sigma as f32,
+        gate_sigma: 6.0,
+    }
+}

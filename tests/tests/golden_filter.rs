@@ -1,6 +1,6 @@
 //! Golden numbers of the error filter: record K1 through filters that are tuned and mis-tuned.
 
-use schuler_core::filter::{DiscreteModel, ErrorFilter, FilterConfig};
+use schuler_core::filter::{DiscreteModel, ErrorFilter, FilterConfig, Kernel};
 use schuler_tests::golden_records::{Flight, mistuned, record_k1, scenario_r1};
 
 const ARCSECOND: f64 = std::f64::consts::PI / 180.0 / 3600.0;
@@ -14,7 +14,7 @@ struct Run {
 }
 
 fn run(config: &FilterConfig<f64>, flight: &Flight) -> Run {
-    let mut filter = ErrorFilter::with_model(config, DiscreteModel::third_order(config));
+    let mut filter = ErrorFilter::with_model(config, DiscreteModel::third_order(config), config.prior());
     let mut log_likelihood = 0.0;
     let (mut nees, mut outside, mut square, mut count) = (0.0, 0.0, 0.0, 0.0);
     for (k, (truth, &z)) in flight.truth.iter().zip(&flight.measured).enumerate() {

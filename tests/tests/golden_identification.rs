@@ -1,6 +1,6 @@
 //! Golden numbers of the autocorrelation, of the two fits and of the choice between them.
 
-use schuler_core::filter::{DiscreteModel, ErrorFilter};
+use schuler_core::filter::{DiscreteModel, ErrorFilter, Kernel};
 use schuler_core::identification::{
     SlidingAutocorrelation, Structure, choose_structure, compare, fit_exponential, fit_exponential_cosine,
 };
@@ -104,7 +104,7 @@ fn fil_11_and_fil_15_on_the_running_estimates_of_record_k1() {
     let truth = scenario_r1();
     let low = mistuned(&truth, [0.1; 2], [0.1; 2]);
     let estimates = |config| {
-        let mut filter = ErrorFilter::with_model(config, DiscreteModel::third_order(config));
+        let mut filter = ErrorFilter::with_model(config, DiscreteModel::third_order(config), config.prior());
         let (mut a, mut w, mut p) = (Vec::new(), Vec::new(), [0.0; 2]);
         for (k, &z) in flight.measured.iter().enumerate() {
             filter.step(Some(z));
@@ -151,7 +151,7 @@ fn fil_11_and_fil_15_on_the_running_estimates_of_record_k1() {
         assert_close((fit.variance + mean_variance).sqrt(), sigma, 1e-6);
     }
     let mut sliding = SlidingAutocorrelation::<f64, 4096, 181>::new(0.0);
-    let mut filter = ErrorFilter::with_model(&low, DiscreteModel::third_order(&low));
+    let mut filter = ErrorFilter::with_model(&low, DiscreteModel::third_order(&low), low.prior());
     for (k, &z) in flight.measured.iter().enumerate() {
         filter.step(Some(z));
         if k >= 600 && k % 10 == 0 {

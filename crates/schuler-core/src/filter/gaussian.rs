@@ -5,6 +5,7 @@
 use nalgebra::RealField;
 
 use super::DiscreteModel;
+use super::kernel::{Innovation, Kernel};
 
 /// A Gaussian over [ΔV, δ, a, ω].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -13,15 +14,6 @@ pub struct Gaussian<T> {
     pub mean: [T; 4],
     /// Covariance, upper triangle row by row: vv, vδ, va, vω, δδ, δa, δω, aa, aω, ωω.
     pub covariance: [T; 10],
-}
-
-/// What a measurement said that the prediction did not.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Innovation<T> {
-    /// ν = z − H x̂⁻, m/s.
-    pub value: T,
-    /// S = H P⁻ Hᵀ + r², (m/s)².
-    pub variance: T,
 }
 
 impl<T: RealField + Copy> Gaussian<T> {
@@ -34,16 +26,23 @@ impl<T: RealField + Copy> Gaussian<T> {
         covariance[9] = sigma[3] * sigma[3];
         Self { mean, covariance }
     }
+}
 
-    /// The four variances.
+impl<T: RealField + Copy> Kernel<T> for Gaussian<T> {
+    type Model = DiscreteModel<T>;
+
+    fn mean(&self) -> [T; 4] {
+        self.mean
+    }
+
     #[inline]
-    pub fn variances(&self) -> [T; 4] {
+    fn variances(&self) -> [T; 4] {
         [self.covariance[0], self.covariance[4], self.covariance[7], self.covariance[9]]
     }
 
     /// x ← Φx, P ← ΦPΦᵀ + Q, with Φ's zeros left out.
     #[inline]
-    pub fn predict(&mut self, model: &DiscreteModel<T>) {
+    fn predict(&mut self, model: &DiscreteModel<T>) {
         let [v, d, a, w] = self.mean;
         let dot = |row: &[T; 4], x: [T; 4]| row[0] * x[0] + row[1] * x[1] + row[2] * x[2] + row[3] * x[3];
         let (rv, rd, [fa, fw]) = (&model.velocity, &model.vertical, model.decay);
@@ -69,19 +68,10 @@ impl<T: RealField + Copy> Gaussian<T> {
         ];
     }
 
-    /// What a velocity with noise variance `variance` would say.
+    /// With H = [1 0 0 0] the Joseph form is P − K P₁· + (K S − P·₁) Kᵀ; the bracket is the rounding error of
+    /// the gain, and carrying it is what keeps P symmetric and positive.
     #[inline]
-    pub fn innovation(&self, velocity: T, variance: T) -> Innovation<T> {
-        Innovation { value: velocity - self.mean[0], variance: self.covariance[0] + variance }
-    }
-
-    /// Corrects by an innovation, in the Joseph form (I − KH) P (I − KH)ᵀ + K r² Kᵀ.
-    ///
-    /// With H = [1 0 0 0] that is P − K P₁· + (K S − P·₁) Kᵀ; the bracket is the rounding error of the gain,
-    /// and carrying it is what keeps P symmetric and positive. `used` = false leaves mean and covariance as
-    /// they are, with the same work.
-    #[inline]
-    pub fn correct(&mut self, innovation: &Innovation<T>, used: bool) {
+    fn correct(&mut self, innovation: &Innovation<T>, used: bool) {
         let [vv, vd, va, vw, ..] = self.covariance;
         let first = [vv, vd, va, vw];
         let inverse = if used { innovation.variance.recip() } else { T::zero() };
@@ -107,24 +97,22 @@ impl<T: RealField + Copy> Gaussian<T> {
 
     /// Every variance is positive and everything is finite.
     #[inline]
-    pub fn is_sound(&self) -> bool {
+    fn is_sound(&self) -> bool {
         let positive = self.variances().iter().all(|&p| p > T::zero());
         let sum = self.mean.iter().chain(&self.covariance).fold(T::zero(), |sum, &x| sum + x * T::zero());
         positive && sum == T::zero()
     }
-}
 
-impl<T: RealField + Copy> Innovation<T> {
-    /// Normalised innovation squared ν²/S.
-    #[inline]
-    pub fn nis(&self) -> T {
-        self.value * self.value / self.variance
+    fn spread_out(&self, velocity: T, velocity_sigma: T, factor: T) -> Self {
+        let wider = self.variances().map(|p| p.sqrt() * factor);
+        let [_, vertical, acceleration, drift] = self.mean;
+        Self::independent(
+            [velocity, vertical, acceleration, drift],
+            [velocity_sigma, wider[1], wider[2], wider[3]],
+        )
     }
 
-    /// Its share of the log-likelihood, −½(ln S + ν²/S); the constant −½ ln 2π is left out.
-    #[inline]
-    pub fn log_likelihood(&self) -> T {
-        let half: T = nalgebra::convert(0.5);
-        -half * (self.variance.ln() + self.nis())
+    fn with_mean_of(&self, other: &Self) -> Self {
+        Self { mean: other.mean, covariance: self.covariance }
     }
 }

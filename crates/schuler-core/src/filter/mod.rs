@@ -9,10 +9,14 @@
 use nalgebra::{ComplexField, RealField};
 use serde::{Deserialize, Serialize};
 
+mod coloured;
 mod gaussian;
+mod kernel;
 mod model;
 
-pub use gaussian::{Gaussian, Innovation};
+pub use coloured::{ColouredGaussian, ColouredModel, ColouredNoise};
+pub use gaussian::Gaussian;
+pub use kernel::{Innovation, Kernel};
 pub use model::DiscreteModel;
 
 use crate::config::{ConfigError, Problem};
@@ -145,32 +149,33 @@ pub const GATED_IN_A_ROW: u32 = 10;
 /// Standard deviations are multiplied by this when the filter starts from the measurement.
 const REACQUISITION: f64 = 10.0;
 
-/// The error filter.
+/// The error filter: over four states, or over six where a sensor's noise is exponential-cosine.
 #[derive(Clone, Copy, Debug)]
-pub struct ErrorFilter<T> {
-    model: DiscreteModel<T>,
-    state: Gaussian<T>,
+pub struct ErrorFilter<T: RealField + Copy, K: Kernel<T> = Gaussian<T>> {
+    model: K::Model,
+    state: K,
     /// Where a reset goes back to.
-    prior: Gaussian<T>,
+    prior: K,
     measurement_variance: T,
     gate_squared: T,
     gated_in_a_row: u32,
 }
 
 impl<T: RealField + Copy> ErrorFilter<T> {
-    /// Checks the configuration and builds the filter.
+    /// Checks the configuration and builds the four-state filter.
     ///
     /// # Errors
     /// The first field that cannot be flown.
     pub fn try_build(config: &FilterConfig<T>) -> Result<Self, ConfigError> {
         config.validate()?;
         let model = config.model(&config.accelerometer, &config.gyro, config.step_s);
-        Ok(Self::with_model(config, model))
+        Ok(Self::with_model(config, model, config.prior()))
     }
+}
 
-    /// A filter over another model of the same channel. The configuration must have been validated.
-    pub fn with_model(config: &FilterConfig<T>, model: DiscreteModel<T>) -> Self {
-        let prior = config.prior();
+impl<T: RealField + Copy, K: Kernel<T>> ErrorFilter<T, K> {
+    /// A filter over a given model, starting from `prior`. The configuration must have been validated.
+    pub fn with_model(config: &FilterConfig<T>, model: K::Model, prior: K) -> Self {
         Self {
             model,
             state: prior,
@@ -187,7 +192,7 @@ impl<T: RealField + Copy> ErrorFilter<T> {
     #[inline]
     pub fn step(&mut self, velocity_error: Option<T>) -> FilterStep<T> {
         self.state.predict(&self.model);
-        let velocity = velocity_error.unwrap_or(self.state.mean[0]);
+        let velocity = velocity_error.unwrap_or(self.state.mean()[0]);
         let innovation = self.state.innovation(velocity, self.measurement_variance);
         let value = innovation.value;
         let inside = value * value <= self.gate_squared * innovation.variance;
@@ -202,61 +207,44 @@ impl<T: RealField + Copy> ErrorFilter<T> {
         }
         let reset = !self.state.is_sound();
         if reset {
-            let mean = self.state.mean;
-            self.state = self.prior;
-            if mean.iter().all(ComplexField::is_finite) {
-                self.state.mean = mean;
-            }
+            let finite = self.state.mean().iter().all(ComplexField::is_finite);
+            self.state = if finite { self.prior.with_mean_of(&self.state) } else { self.prior };
         }
         FilterStep { innovation, gated, reacquired, reset }
     }
 
-    /// Goes on without measurement for `duration_s` seconds, with the noise given.
-    pub fn coast(
-        &mut self,
-        config: &FilterConfig<T>,
-        accelerometer: &MarkovNoise<T>,
-        gyro: &MarkovNoise<T>,
-        duration_s: T,
-    ) {
-        self.state.predict(&config.model(accelerometer, gyro, duration_s));
+    /// Goes on without measurement over the interval of `model`.
+    pub fn coast(&mut self, model: &K::Model) {
+        self.state.predict(model);
     }
 
     /// Starts from a velocity error (m/s), with everything else as it is but ten times as uncertain.
     pub fn reacquire(&mut self, velocity_error: T) {
-        let mean = self.state.mean;
-        let wider = self.state.variances().map(|p| p.sqrt() * real(REACQUISITION));
-        let sigma = [self.measurement_variance.sqrt(), wider[1], wider[2], wider[3]];
-        self.state = Gaussian::independent([velocity_error, mean[1], mean[2], mean[3]], sigma);
+        let sigma = self.measurement_variance.sqrt();
+        self.state = self.state.spread_out(velocity_error, sigma, real(REACQUISITION));
     }
 
-    /// Takes new noise parameters: the model changes, the state stays.
-    pub fn retune(
-        &mut self,
-        config: &FilterConfig<T>,
-        accelerometer: &MarkovNoise<T>,
-        gyro: &MarkovNoise<T>,
-    ) {
-        self.model = config.model(accelerometer, gyro, config.step_s);
-        let tuned = FilterConfig { accelerometer: *accelerometer, gyro: *gyro, ..*config };
-        self.prior = tuned.prior();
+    /// Takes a new model and the prior that goes with it; the state stays.
+    pub fn retune(&mut self, model: K::Model, prior: K) {
+        self.model = model;
+        self.prior = prior;
     }
 
     /// Takes a state that was computed elsewhere, such as by a replay with other noise parameters.
-    pub fn set_state(&mut self, state: &Gaussian<T>) {
+    pub fn set_state(&mut self, state: &K) {
         self.state = *state;
     }
 
     /// Mean and covariance.
     #[inline]
-    pub fn state(&self) -> &Gaussian<T> {
+    pub fn state(&self) -> &K {
         &self.state
     }
 
     /// The step's figures in the form of the output.
     pub fn output(&self, step: &FilterStep<T>) -> FilterOutput<T> {
         FilterOutput {
-            estimate: self.state.mean,
+            estimate: self.state.mean(),
             sigma: self.state.variances().map(ComplexField::sqrt),
             innovation: step.innovation.value,
             innovation_variance: step.innovation.variance,

@@ -11,18 +11,18 @@
 
 use nalgebra::RealField;
 
-use super::{FilterConfig, Gaussian, MarkovNoise};
+use super::{FilterConfig, Gaussian, Kernel, MarkovNoise};
 use crate::number::real;
 
 /// Halvings of the step before the series is summed; the result is composed with itself as often.
-const DOUBLINGS: u32 = 6;
+pub(super) const DOUBLINGS: u32 = 6;
 
 /// Terms of the series of the transition matrix over the short step. With a step of at most three correlation
 /// times the first term left out is below 1e-15 of the sum.
-const TERMS: u32 = 8;
+pub(super) const TERMS: u32 = 8;
 
 /// Nodes and weights of the three-point Gauss–Legendre rule on [0, 1].
-const QUADRATURE: [(f64, f64); 3] =
+pub(super) const QUADRATURE: [(f64, f64); 3] =
     [(0.112_701_665_379_258_31, 5.0 / 18.0), (0.5, 8.0 / 18.0), (0.887_298_334_620_741_7, 5.0 / 18.0)];
 
 /// x(k+1) = Φ x(k) + w(k), w ~ N(0, Q), with only the elements of Φ that can differ from zero.

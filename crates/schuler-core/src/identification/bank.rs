@@ -6,7 +6,7 @@
 //! parameters, whose mixture carries their uncertainty into the estimate.
 
 use super::window::{DECIMATION, MeasurementWindow, Sample};
-use crate::filter::{DiscreteModel, FilterConfig, Gaussian, MarkovNoise};
+use crate::filter::{DiscreteModel, FilterConfig, Gaussian, Kernel, MarkovNoise};
 
 /// Correlation times per channel on the grid.
 const TAUS: usize = 3;

@@ -9,25 +9,29 @@
 //!    sheet ([`Simplex`]);
 //! 4. replay the window there and read the parameters out by the published formulas ([`ReadOut`]), accepted
 //!    channel by channel where the likelihood does not drop by more than one;
-//! 5. probe how sharp the maximum is, and say so;
-//! 6. start a narrow bank of 81 filters around the result on the window, retune the main filter from its central
+//! 5. where the read-out shows an exponential-cosine, climb to the maximum of the likelihood with two more states
+//!    and keep them if they are worth three in the logarithm;
+//! 6. probe how sharp the maximum is, and say so;
+//! 7. start a narrow bank of 81 filters around the result on the window, retune the main filter from its central
 //!    member, and let its mixture carry what uncertainty of the parameters is left.
 //!
 //! The published loop alone ([`super::PublishedLoop`]) does not converge; why stands there.
 
 use super::bank::{ChannelNoise, FilterBank, Grid};
 use super::read_out::{PASSES, ReadOut};
-use super::replay::{Replay, Stretch};
+use super::replay::{ColouredChannels, Hypothesis, Replay, Stretch};
 use super::simplex::Simplex;
-use super::structure::Structure;
+use super::structure::{ExponentialCosine, Structure};
 use super::window::{DECIMATION, MeasurementWindow, WINDOW};
 use super::{AveragedEstimate, ChannelStatus, IdentificationConfig, steps_in};
-use crate::filter::{FilterConfig, Gaussian, MarkovNoise};
+use crate::filter::{ColouredGaussian, ColouredNoise, FilterConfig, Gaussian, Kernel, MarkovNoise};
 
 /// Samples replayed per step.
 const REPLAY_SAMPLES: u32 = 256;
 /// Samples replayed per step while lagged products are collected.
 const READ_OUT_SAMPLES: u32 = 192;
+/// Samples replayed per step with six states.
+const COLOURED_SAMPLES: u32 = 80;
 /// Parts of the narrow bank's work done per step while it catches up: three samples.
 const CATCH_UP_PARTS: usize = 27;
 
@@ -38,6 +42,11 @@ const SEARCH_TOLERANCE: f32 = 0.02;
 /// Evaluations per search, the first time and later.
 const FIRST_EVALUATIONS: u16 = 200;
 const LATER_EVALUATIONS: u16 = 120;
+/// Edge of the first simplex and evaluations of the search with six states.
+const COLOURED_STEP: f32 = 0.4;
+const COLOURED_EVALUATIONS: u16 = 60;
+/// What two more states must gain in the log-likelihood.
+const COLOURED_GAIN: f32 = 3.0;
 /// Longest correlation time that the search may reach, s.
 const LONGEST_TAU_S: f32 = 2e5;
 /// What the log-likelihood may drop by when the read-out replaces a channel's parameters.
@@ -76,6 +85,8 @@ enum Phase {
     Fit { channel: u8 },
     /// Evaluating the read-out of one channel.
     Check { channel: u8 },
+    /// Evaluating one channel's exponential-cosine.
+    Coloured { channel: u8 },
     /// Evaluating off the maximum: τ_a up, τ_a down, τ_w up, τ_w down.
     Probe { probe: u8 },
     /// Replaying for one member of the narrow bank.
@@ -87,10 +98,12 @@ enum Phase {
 /// New parameters for the main filter, with its state under them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Retuned {
-    /// The parameters.
+    /// The parameters of first order.
     pub noise: ChannelNoise,
-    /// The state at present.
+    /// The state under them at present.
     pub state: Gaussian<f32>,
+    /// The parameters and the state with six states, where an exponential-cosine was accepted.
+    pub coloured: Option<(ColouredChannels, ColouredGaussian<f32>)>,
 }
 
 /// The likelihood identifier's whole state. About 40 kB: keep it where it is built.
@@ -102,7 +115,8 @@ pub struct LikelihoodIdentifier {
     /// The narrow bank in use, once there is one.
     active: Option<u8>,
     simplex: Simplex,
-    replay: Replay,
+    replay: Replay<ChannelNoise>,
+    coloured_replay: Replay<ColouredChannels>,
     read_out: ReadOut,
     phase: Phase,
     stretch: Stretch,
@@ -124,6 +138,13 @@ pub struct LikelihoodIdentifier {
     candidate: ChannelNoise,
     filter_variance: [f32; 2],
     probes: [f32; 4],
+    /// Exponential-cosine that the read-out of the channel shows.
+    cosine: [Option<ExponentialCosine<f32>>; 2],
+    /// Exponential-cosine accepted in this identification, and the candidate being evaluated.
+    coloured: Option<ColouredChannels>,
+    coloured_value: f32,
+    coloured_candidate: ColouredChannels,
+    coloured_best: Option<(ColouredChannels, f32)>,
 }
 
 impl LikelihoodIdentifier {
@@ -131,6 +152,7 @@ impl LikelihoodIdentifier {
     pub const fn new() -> Self {
         let noise = MarkovNoise { sigma: 1.0, tau_s: 1.0 };
         let noise = ChannelNoise { accelerometer: noise, gyro: noise };
+        let coloured = ColouredNoise { sigma: 1.0, alpha: 1.0, beta: 0.0 };
         Self {
             window: MeasurementWindow::new(),
             wide: WideBank::new(),
@@ -138,6 +160,7 @@ impl LikelihoodIdentifier {
             active: None,
             simplex: Simplex::idle(),
             replay: Replay::idle(),
+            coloured_replay: Replay::idle(),
             read_out: ReadOut::new(),
             phase: Phase::Waiting,
             stretch: Stretch { begin: 0, end: 0, from_start: true },
@@ -153,6 +176,11 @@ impl LikelihoodIdentifier {
             candidate: noise,
             filter_variance: [0.0; 2],
             probes: [0.0; 4],
+            cosine: [None; 2],
+            coloured: None,
+            coloured_value: f32::NEG_INFINITY,
+            coloured_candidate: ColouredChannels { accelerometer: coloured, gyro: coloured },
+            coloured_best: None,
         }
     }
 
@@ -183,8 +211,7 @@ impl LikelihoodIdentifier {
         self.wide.lay(filter, grid(0, &filter.accelerometer), grid(1, &filter.gyro));
         for index in 0..225 {
             let noise = self.wide.noise(index);
-            let tuned = FilterConfig { accelerometer: noise.accelerometer, gyro: noise.gyro, ..*filter };
-            self.wide.start_member(index, &tuned.prior(), prior(filter, config, &noise));
+            self.wide.start_member(index, &noise.prior(filter), prior(filter, config, &noise));
         }
         self.wide.start_at(0);
     }
@@ -276,14 +303,22 @@ impl LikelihoodIdentifier {
                     self.evaluated(filter, config);
                 }
             }
+            Phase::Coloured { channel } => {
+                if self.coloured_replay.advance(&self.window, COLOURED_SAMPLES, |_, _| ()) {
+                    self.coloured_evaluated(filter, config, channel);
+                }
+            }
             Phase::CatchUp => {
+                self.coloured_replay.extend_to(self.window.completed());
+                let there = self.coloured_replay.advance(&self.window, COLOURED_SAMPLES, |_, _| ());
+                let there = there || self.coloured.is_none();
                 let spare = 1 - self.active.unwrap_or(1);
                 let variance_of_one = filter.velocity_noise * filter.velocity_noise;
                 if let Some(bank) = self.narrow.get_mut(usize::from(spare)) {
                     for _ in 0..CATCH_UP_PARTS {
                         bank.advance(&self.window, variance_of_one);
                     }
-                    if bank.cursor() == self.window.completed() && self.window.steps() == 0 {
+                    if there && bank.cursor() == self.window.completed() && self.window.steps() == 0 {
                         return self.activate(filter, spare);
                     }
                 }
@@ -306,6 +341,7 @@ impl LikelihoodIdentifier {
         let begin = completed.saturating_sub(WINDOW);
         self.stretch = Stretch { begin, end: completed, from_start: begin == 0 };
         self.found_value = f32::NEG_INFINITY;
+        self.cosine = [None; 2];
         self.due = self.steps + steps_in(config.interval_s, filter.step_s);
         self.begin_search(filter, config, 0);
     }
@@ -350,12 +386,16 @@ impl LikelihoodIdentifier {
             }
             Phase::Populate { member } => {
                 let spare = usize::from(1 - self.active.unwrap_or(1));
-                if let Some(bank) = self.narrow.get_mut(spare) {
-                    bank.start_member(usize::from(member), self.replay.state(), value - self.found_value);
+                if let (Some(bank), Some(state)) = (self.narrow.get_mut(spare), self.replay.state()) {
+                    bank.start_member(usize::from(member), state, value - self.found_value);
                 }
                 self.populate(filter, member + 1);
             }
-            Phase::Waiting | Phase::ReadOut { .. } | Phase::Fit { .. } | Phase::CatchUp => {}
+            Phase::Waiting
+            | Phase::ReadOut { .. }
+            | Phase::Fit { .. }
+            | Phase::Coloured { .. }
+            | Phase::CatchUp => {}
         }
     }
 
@@ -402,10 +442,14 @@ impl LikelihoodIdentifier {
         if let Some(slot) = self.filter_variance.get_mut(usize::from(channel)) {
             *slot = read.filter_variance;
         }
-        let fit = match read.structure {
+        let (fit, cosine) = match read.structure {
             Structure::None => return self.after_check(filter, config, channel),
-            Structure::Exponential(fit) | Structure::ExponentialCosine(_, fit, _) => fit,
+            Structure::Exponential(fit) => (fit, None),
+            Structure::ExponentialCosine(cosine, fit, _) => (fit, Some(cosine)),
         };
+        if let Some(slot) = self.cosine.get_mut(usize::from(channel)) {
+            *slot = cosine;
+        }
         let noise =
             MarkovNoise { sigma: libm::sqrtf(fit.variance + read.filter_variance), tau_s: 1.0 / fit.alpha };
         let mut candidate = self.found;
@@ -422,8 +466,88 @@ impl LikelihoodIdentifier {
         if channel == 0 {
             self.phase = Phase::Fit { channel: 1 };
         } else {
+            self.coloured = None;
+            self.coloured_value = self.found_value;
+            self.begin_coloured(filter, config, 0);
+        }
+    }
+
+    /// Begins the search with six states for a channel whose read-out shows an exponential-cosine.
+    fn begin_coloured(&mut self, filter: &FilterConfig<f32>, config: &IdentificationConfig, channel: u8) {
+        if channel > 1 {
+            return self.begin_probe(filter, config, 0);
+        }
+        let index = usize::from(channel & 1);
+        let Some(cosine) = self.cosine[index] else {
+            return self.begin_coloured_next(filter, config, channel);
+        };
+        let sigma = libm::sqrtf(cosine.variance + self.filter_variance[index]);
+        let other =
+            if channel == 0 { self.coloured_found().gyro } else { self.coloured_found().accelerometer };
+        let start = [sigma, cosine.alpha, cosine.beta, other.sigma].map(libm::logf);
+        self.simplex = Simplex::new(start, COLOURED_STEP);
+        self.phase = Phase::Coloured { channel };
+        self.evaluate_coloured_point(filter, channel);
+    }
+
+    fn begin_coloured_next(
+        &mut self,
+        filter: &FilterConfig<f32>,
+        config: &IdentificationConfig,
+        channel: u8,
+    ) {
+        if channel == 0 {
+            self.begin_coloured(filter, config, 1);
+        } else {
             self.begin_probe(filter, config, 0);
         }
+    }
+
+    /// What has been found so far, in the terms of six states.
+    fn coloured_found(&self) -> ColouredChannels {
+        self.coloured.unwrap_or(ColouredChannels::from(&self.found))
+    }
+
+    fn evaluate_coloured_point(&mut self, filter: &FilterConfig<f32>, channel: u8) {
+        let [sigma, alpha, beta, other] = self.simplex.wanted().map(libm::expf);
+        // Slower than the decay or the sampling can show, the cosine is none.
+        let sample_s = filter.step_s * DECIMATION as f32;
+        let alpha = alpha.min(2.0 / sample_s).max(1.0 / LONGEST_TAU_S);
+        let beta = beta.min(core::f32::consts::FRAC_PI_2 / sample_s);
+        let noise = ColouredNoise { sigma, alpha, beta };
+        let mut candidate = self.coloured_found();
+        if channel == 0 {
+            candidate.accelerometer = noise;
+            candidate.gyro.sigma = other;
+        } else {
+            candidate.gyro = noise;
+            candidate.accelerometer.sigma = other;
+        }
+        self.coloured_candidate = candidate;
+        self.coloured_replay.begin(filter, &self.window, self.stretch, &candidate);
+    }
+
+    /// A replay with six states is complete.
+    fn coloured_evaluated(&mut self, filter: &FilterConfig<f32>, config: &IdentificationConfig, channel: u8) {
+        let candidate = self.coloured_candidate;
+        let markov =
+            |noise: &ColouredNoise<f32>| MarkovNoise { sigma: noise.sigma, tau_s: 1.0 / noise.alpha };
+        let of_first_order =
+            ChannelNoise { accelerometer: markov(&candidate.accelerometer), gyro: markov(&candidate.gyro) };
+        let value = self.coloured_replay.log_likelihood() + prior(filter, config, &of_first_order);
+        self.simplex.report(value);
+        if value >= self.coloured_value + COLOURED_GAIN && value >= self.simplex.best().1 {
+            self.coloured_best = Some((candidate, value));
+        }
+        if self.simplex.spread() > SEARCH_TOLERANCE && self.simplex.evaluations() < COLOURED_EVALUATIONS {
+            self.evaluate_coloured_point(filter, channel);
+            return;
+        }
+        if let Some((best, value)) = self.coloured_best.take() {
+            self.coloured = Some(best);
+            self.coloured_value = value;
+        }
+        self.begin_coloured_next(filter, config, channel);
     }
 
     /// Asks for the likelihood with one correlation time off, at constant diffusion.
@@ -497,6 +621,9 @@ impl LikelihoodIdentifier {
             if let Some(bank) = self.narrow.get_mut(spare) {
                 bank.start_at(self.stretch.end);
             }
+            if let Some(coloured) = self.coloured {
+                self.coloured_replay.begin(filter, &self.window, self.stretch, &coloured);
+            }
             self.phase = Phase::CatchUp;
         }
     }
@@ -506,13 +633,18 @@ impl LikelihoodIdentifier {
         let narrow = self.narrow.get(usize::from(bank))?;
         let age_s = middle_to_end(filter);
         let mut state = *narrow.member_state(CENTRE)?;
-        state.predict(&filter.model(&self.found.accelerometer, &self.found.gyro, age_s));
+        state.predict(&self.found.model(filter, age_s));
         self.correction = difference(carried(filter, narrow.mixture().mean, age_s), state.mean);
         self.active = Some(bank);
         self.in_use = self.found;
         self.retunes = self.retunes.saturating_add(1);
         self.phase = Phase::Waiting;
-        Some(Retuned { noise: self.found, state })
+        let coloured = self.coloured.zip(self.coloured_replay.state()).map(|(noise, state)| {
+            let mut state = *state;
+            state.predict(&noise.model(filter, age_s));
+            (noise, state)
+        });
+        Some(Retuned { noise: self.found, state, coloured })
     }
 }
 

@@ -8,7 +8,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::config::{ConfigError, Problem};
-use crate::filter::positive;
+use crate::filter::{ColouredNoise, positive};
 
 mod autocorrelation;
 mod bank;
@@ -24,6 +24,7 @@ pub use autocorrelation::SlidingAutocorrelation;
 pub use bank::{ChannelNoise, FilterBank, Mixture};
 pub use likelihood::{LikelihoodIdentifier, Retuned};
 pub use published::PublishedLoop;
+pub use replay::{ColouredChannels, Hypothesis};
 pub use structure::{
     Comparison, EXPONENTIAL_FLOOR, Exponential, ExponentialCosine, Structure, choose_structure, compare,
     fit_exponential, fit_exponential_cosine, removed_mean_bias,
@@ -101,15 +102,11 @@ pub enum ChannelStatus {
     Unobserved,
 }
 
-/// The noise structure and parameters in use for one sensor.
+/// The noise in use for one sensor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct NoiseEstimate {
-    /// Standard deviation σ, in the sensor's unit.
-    pub sigma: f32,
-    /// Rate α of the exponential, 1/s (1/τ for the first-order process).
-    pub alpha: f32,
-    /// Angular frequency β of the cosine, rad/s; zero for the first-order process.
-    pub beta: f32,
+    /// Structure and parameters: σ in the sensor's unit, α in 1/s, β in rad/s (zero for a first-order process).
+    pub noise: ColouredNoise<f32>,
     /// How well the parameters are known.
     pub status: ChannelStatus,
 }

@@ -5,7 +5,7 @@
 //! loop of identification and retuning collapses.
 
 use super::structure::{Structure, choose_structure};
-use crate::filter::Gaussian;
+use crate::filter::{Gaussian, Kernel};
 
 /// Lags of the autocorrelation, the zeroth included.
 pub const LAGS: usize = 256;

@@ -20,10 +20,12 @@ use bitflags::bitflags;
 use serde::{Deserialize, Serialize};
 
 use crate::config::ConfigError;
-use crate::filter::{ErrorFilter, FilterConfig, FilterOutput, MarkovNoise, positive};
+use crate::filter::{
+    ColouredGaussian, ErrorFilter, FilterConfig, FilterOutput, Kernel, MarkovNoise, positive,
+};
 use crate::identification::{
-    AveragedEstimate, ChannelNoise, ChannelStatus, IdentificationConfig, IdentificationOutput,
-    LikelihoodIdentifier, Method, NoiseEstimate, PublishedLoop, Retuned,
+    AveragedEstimate, ChannelNoise, ChannelStatus, ColouredChannels, Hypothesis, IdentificationConfig,
+    IdentificationOutput, LikelihoodIdentifier, Method, NoiseEstimate, PublishedLoop, Retuned,
 };
 use crate::isolation::{FaultIsolation, IsolationConfig, IsolationOutput};
 use crate::reading::{Quality, Reading};
@@ -157,9 +159,20 @@ struct Running {
     /// Noise that the filter flies with.
     in_use: ChannelNoise,
     retunes: u16,
+    /// The filter that is listened to where an exponential-cosine was accepted.
+    coloured: Option<(ErrorFilter<f32, ColouredGaussian<f32>>, ColouredChannels)>,
     isolation: FaultIsolation,
     steps: u64,
     last_ms: Option<u64>,
+}
+
+impl Running {
+    fn retune(&mut self, noise: &ChannelNoise) {
+        let config = &self.config.filter;
+        self.filter.retune(noise.model(config, config.step_s), noise.prior(config));
+        self.in_use = *noise;
+        self.retunes = self.retunes.saturating_add(1);
+    }
 }
 
 impl ModuleConfig {
@@ -192,6 +205,7 @@ impl FlightModule {
             filter: ErrorFilter::try_build(&config.filter)?,
             in_use: ChannelNoise { accelerometer: config.filter.accelerometer, gyro: config.filter.gyro },
             retunes: 0,
+            coloured: None,
             isolation: FaultIsolation::try_build(&config.isolation)?,
             steps: 0,
             last_ms: None,
@@ -211,20 +225,23 @@ impl FlightModule {
             };
         };
         running.steps += 1;
-        let config = &running.config;
+        let config = running.config;
         let mut status = Status::empty();
 
         // Time.
         let passage = passage(running.last_ms, input.time_ms, config.filter.step_s);
         running.last_ms = Some(input.time_ms);
-        let mut measured = velocity(&input.velocity_error, config, &mut status);
+        let mut measured = velocity(&input.velocity_error, &config, &mut status);
         match passage {
             Passage::OneStep => {}
             Passage::Missing(steps) => {
                 status |= Status::STEPS_MISSING;
                 let duration_s = steps as f32 * config.filter.step_s;
                 let noise = &running.in_use;
-                running.filter.coast(&config.filter, &noise.accelerometer, &noise.gyro, duration_s);
+                running.filter.coast(&noise.model(&config.filter, duration_s));
+                if let Some((coloured, noise)) = &mut running.coloured {
+                    coloured.coast(&noise.model(&config.filter, duration_s));
+                }
                 self.likelihood.skip(steps);
             }
             Passage::Backwards => {
@@ -234,18 +251,23 @@ impl FlightModule {
             Passage::Jump => {
                 // How long it really was is unknown: the velocity starts from the measurement.
                 status |= Status::CLOCK_JUMPED;
-                let velocity = measured.unwrap_or(running.filter.state().mean[0]);
+                let velocity = measured.unwrap_or(running.filter.state().mean()[0]);
                 running.filter.reacquire(velocity);
+                running.coloured = None;
                 self.likelihood.start(&config.filter, &config.identification);
             }
         }
 
         // Filter.
-        let step = running.filter.step(measured);
+        let mut step = running.filter.step(measured);
+        let mut filter = running.filter.output(&step);
+        if let Some((coloured, _)) = &mut running.coloured {
+            step = coloured.step(measured);
+            filter = coloured.output(&step);
+        }
         status.set(Status::INNOVATION_GATED, step.gated);
         status.set(Status::VELOCITY_REACQUIRED, step.reacquired);
         status.set(Status::COVARIANCE_RESET, step.reset);
-        let filter = running.filter.output(&step);
 
         // Identification.
         let usable = measured.filter(|_| !step.gated);
@@ -257,35 +279,38 @@ impl FlightModule {
                 let found =
                     self.published.step(&config.filter, &config.identification, &running.in_use, &state);
                 if let Some(noise) = found {
-                    running.filter.retune(&config.filter, &noise.accelerometer, &noise.gyro);
-                    running.in_use = noise;
-                    running.retunes = running.retunes.saturating_add(1);
+                    running.retune(&noise);
+                    status |= Status::RETUNED;
                 }
             }
             Method::Likelihood => {
                 let retuned = self.likelihood.step(&config.filter, &config.identification, usable, &state);
-                if let Some(Retuned { noise, state }) = retuned {
-                    running.filter.retune(&config.filter, &noise.accelerometer, &noise.gyro);
+                if let Some(Retuned { noise, state, coloured }) = retuned {
+                    running.retune(&noise);
                     running.filter.set_state(&state);
-                    running.in_use = noise;
-                    running.retunes = running.retunes.saturating_add(1);
+                    running.coloured = coloured.map(|(noise, state)| {
+                        let (model, prior) =
+                            (noise.model(&config.filter, config.filter.step_s), noise.prior(&config.filter));
+                        let mut filter = ErrorFilter::with_model(&config.filter, model, prior);
+                        filter.set_state(&state);
+                        (filter, noise)
+                    });
                     status |= Status::RETUNED;
                 }
-                averaged = Some(self.likelihood.averaged(&config.filter, running.filter.state()));
+                if running.coloured.is_none() {
+                    averaged = Some(self.likelihood.averaged(&config.filter, running.filter.state()));
+                }
                 known = self.likelihood.status();
             }
         }
-        let [accelerometer, gyro] = [&running.in_use.accelerometer, &running.in_use.gyro];
-        let estimate = |noise: &MarkovNoise<f32>, status| NoiseEstimate {
-            sigma: noise.sigma,
-            alpha: 1.0 / noise.tau_s,
-            beta: 0.0,
-            status,
-        };
+        let in_use = running
+            .coloured
+            .as_ref()
+            .map_or_else(|| ColouredChannels::from(&running.in_use), |(_, coloured)| *coloured);
         let identification = IdentificationOutput {
             averaged: averaged.unwrap_or(AveragedEstimate { estimate: filter.estimate, sigma: filter.sigma }),
-            accelerometer: estimate(accelerometer, known[0]),
-            gyro: estimate(gyro, known[1]),
+            accelerometer: NoiseEstimate { noise: in_use.accelerometer, status: known[0] },
+            gyro: NoiseEstimate { noise: in_use.gyro, status: known[1] },
             retunes: running.retunes,
         };
 
