@@ -1,1 +1,3 @@
-//! Placeholder.
+//! What the workspace tests share: the specification's generator of golden records.
+
+pub mod golden_records;

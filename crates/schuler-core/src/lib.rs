@@ -21,4 +21,5 @@ pub mod filter;
 pub mod identification;
 pub mod isolation;
 pub mod module;
+mod number;
 pub mod reading;
