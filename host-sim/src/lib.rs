@@ -1,2 +1,12 @@
 //! Sensor and environment physics from first principles, and what the `schuler` command is made of.
+//!
+//! | module | holds |
+//! | --- | --- |
+//! | [`physics`] | instruments, motion, heat, the Schuler loop |
+//! | [`scenario`] | the scenario file: what to simulate |
+//! | [`simulation`] | scenario in, recording, case and truth out |
+//! | [`output`] | files that are whole or not there |
+pub mod output;
 pub mod physics;
+pub mod scenario;
+pub mod simulation;
