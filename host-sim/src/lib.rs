@@ -5,8 +5,12 @@
 //! | [`physics`] | instruments, motion, heat, the Schuler loop |
 //! | [`scenario`] | the scenario file: what to simulate |
 //! | [`simulation`] | scenario in, recording, case and truth out |
+//! | [`plot`] | figures as SVG and PNG |
+//! | [`statistics`] | tests of innovations |
 //! | [`output`] | files that are whole or not there |
 pub mod output;
 pub mod physics;
+pub mod plot;
 pub mod scenario;
 pub mod simulation;
+pub mod statistics;
