@@ -105,7 +105,7 @@ impl<H: Hypothesis> Replay<H> {
     pub const fn idle() -> Self {
         Self {
             filter: None,
-            variance_of_one: 1.0,
+            variance_of_one: 0.0,
             cursor: 0,
             end: 0,
             log_likelihood: CompensatedSum::new(0.0),
