@@ -190,15 +190,20 @@ fn fil_3_single_precision_loses_next_to_nothing() {
     let config = scenario_r1();
     let mut double = ErrorFilter::try_build(&config).unwrap();
     let mut single = ErrorFilter::try_build(&in_flight_precision(&config)).unwrap();
+    let (mut worst_mean, mut worst_variance) = ([0.0_f64; 4], [0.0_f64; 4]);
     for &z in &flight.measured {
         double.step(Some(z));
         single.step(Some(z as f32));
         let (mean, variances) = (double.state().mean, double.state().variances());
         let found = (single.state().mean, single.state().variances());
         for i in 0..4 {
-            let sigma = variances[i].sqrt();
-            assert!((f64::from(found.0[i]) - mean[i]).abs() < 0.005 * sigma);
-            assert!((f64::from(found.1[i]) / variances[i] - 1.0).abs() < 5e-4);
+            let off = (f64::from(found.0[i]) - mean[i]).abs() / variances[i].sqrt();
+            worst_mean[i] = worst_mean[i].max(off);
+            worst_variance[i] = worst_variance[i].max((f64::from(found.1[i]) / variances[i] - 1.0).abs());
         }
     }
+    println!("single against double: mean {worst_mean:.5?} σ, variance {worst_variance:.5?}");
+    // The specification measured 0.0014 σ and 2e-4 with another discretisation and update.
+    assert!(worst_mean.iter().all(|&off| off < 0.0028));
+    assert!(worst_variance.iter().all(|&off| off < 4e-4));
 }
