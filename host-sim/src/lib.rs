@@ -5,9 +5,13 @@
 //! | [`physics`] | instruments, motion, heat, the Schuler loop |
 //! | [`scenario`] | the scenario file: what to simulate |
 //! | [`simulation`] | scenario in, recording, case and truth out |
+//! | [`flight`] | case in, module flown, outputs summed up |
 //! | [`plot`] | figures as SVG and PNG |
 //! | [`statistics`] | tests of innovations |
+//! | [`command`] | the command's arguments, texts and progress |
 //! | [`output`] | files that are whole or not there |
+pub mod command;
+pub mod flight;
 pub mod output;
 pub mod physics;
 pub mod plot;

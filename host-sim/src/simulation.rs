@@ -352,7 +352,9 @@ impl<'s> Plant<'s> {
                 let Some(id) = id else { continue };
                 let (said, input) = (reading.rate[axis], reading.true_rate[axis]);
                 let told = faults.apply(time_s, said);
-                recording.put(|| id.clone(), told.unwrap_or(f64::NAN) / si);
+                if entry.recorded {
+                    recording.put(|| id.clone(), told.unwrap_or(f64::NAN) / si);
+                }
                 truth.put(|| format!("{id}.input"), input);
                 truth.put(|| format!("{id}.error"), said - input);
                 truth.put(|| format!("{id}.fault"), f64::from(u8::from(faults.active(time_s))));
@@ -383,7 +385,9 @@ impl<'s> Plant<'s> {
             let reading = instrument.step(&motion.rate, &motion.force, &around, step_s);
             let told = faults.apply(time_s, reading.specific_force);
             let (id, input) = (&entry.id, reading.true_force);
-            recording.put(|| id.clone(), told.unwrap_or(f64::NAN) / entry.unit.in_si());
+            if entry.recorded {
+                recording.put(|| id.clone(), told.unwrap_or(f64::NAN) / entry.unit.in_si());
+            }
             truth.put(|| format!("{id}.input"), input);
             truth.put(|| format!("{id}.error"), reading.specific_force - input);
             truth.put(|| format!("{id}.fault"), f64::from(u8::from(faults.active(time_s))));
@@ -518,7 +522,7 @@ fn sensors(scenario: &Scenario) -> Vec<Sensor> {
         Conversion::Exact | Conversion::Pulses(_) => 0.0,
     };
     let mut all = Vec::new();
-    for entry in &scenario.gyros {
+    for entry in scenario.gyros.iter().filter(|entry| entry.recorded) {
         let d = &entry.design;
         let (x, z) = (d.input_axis, d.spin_axis);
         let axes = [x, z.cross(&x)];
@@ -539,7 +543,7 @@ fn sensors(scenario: &Scenario) -> Vec<Sensor> {
             });
         }
     }
-    for entry in &scenario.accelerometers {
+    for entry in scenario.accelerometers.iter().filter(|entry| entry.recorded) {
         all.push(Sensor {
             id: entry.id.clone(),
             kind: SensorKind::Accelerometer,

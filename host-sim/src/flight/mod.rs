@@ -5,6 +5,7 @@
 //! | [`plan`] | case and recording → one or more channels: configuration and inputs of the module |
 //! | [`mission`] | runs a channel on this machine or on the emulated target |
 //! | [`summary`] | what a run says of the filter, the noise and the gyros |
+//! | [`truth`] | what a simulation has left of the truth |
 //! | [`outputs`] | the module's outputs as a table |
 //! | [`figures`] | the module's outputs as figures |
 pub mod figures;
@@ -12,7 +13,9 @@ pub mod mission;
 pub mod outputs;
 pub mod plan;
 pub mod summary;
+pub mod truth;
 
 pub use mission::{Flown, On, fly};
 pub use plan::{Channel, plan};
 pub use summary::Summary;
+pub use truth::LoopTruth;

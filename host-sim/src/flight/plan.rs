@@ -4,15 +4,20 @@
 //! | --- | --- |
 //! | `motion.kind = "velocity_error"` | one, from the sensor of kind `ins_velocity` |
 //! | recorded `velocity_ned` and `attitude_rad` beside three or more `doppler` sensors | north and east: the inertial velocity minus the Doppler velocity, turned into north-east-down by the recorded attitude |
-//! | exactly five gyros | isolation in the first channel, or alone where there is no velocity |
+//! | exactly five gyros, or one group of exactly five | isolation in the first channel, or alone where there is no velocity |
 //!
 //! What a case does not say has these defaults: noise of accelerometer and gyro as [`ModuleConfig::default`]
 //! (10⁻⁴ g over 60 s, 0.1 °/h over 1800 s); noise of the velocity 0.1 m/s; velocity error at the start ten times the
-//! velocity noise, at least 0.1 m/s; tilt at the start 10⁻⁴ rad; noise of a gyro 0.02 °/h; range of a gyro 10 rad/s.
+//! velocity noise, at least 0.1 m/s; tilt at the start 10⁻⁴ rad; noise of a gyro 0.02 °/h; range of a gyro 10 rad/s;
+//! relative error of a gyro 10⁻⁵, micromechanical 10⁻². The constant parity of the block is measured over the first 600
+//! steps (a tenth of a shorter recording), in which no fault is detected.
 //! A missing reading, and a step that the recording lacks, is a reading of quality missing; a quantised reading has the
 //! variance of its step added to its white noise.
-use nalgebra::{DMatrix, DVector, Vector3};
+use std::collections::BTreeSet;
+
+use nalgebra::{Matrix3, Vector3};
 use schuler_core::filter::{FilterConfig, MarkovNoise};
+use schuler_core::isolation::IsolationConfig;
 use schuler_core::module::{Command, GYROS, ModuleConfig, StepInput};
 use schuler_core::reading::Reading;
 use schuler_recording::case::{Markov, MotionKind, SensorKind};
@@ -32,6 +37,16 @@ const LEAST_INITIAL_VELOCITY: f64 = 0.1;
 const DEFAULT_GYRO_NOISE: f64 = 0.02 * std::f64::consts::PI / 180.0 / 3600.0;
 /// Range of a gyro, of which cases do not speak, rad/s.
 const GYRO_RANGE: f64 = 10.0;
+/// Error of a gyro relative to the rate, of which cases do not speak: scale and alignment after calibration.
+const FINE_RELATIVE_ERROR: f64 = 1e-5;
+/// The same for micromechanical gyros.
+const COARSE_RELATIVE_ERROR: f64 = 1e-2;
+/// Above this many standard deviations of leaked rate the cumulative sums are suspended.
+const LEAK: f64 = 0.045;
+/// Longest time over which the constant parity is measured at the start, samples; a tenth of a shorter recording.
+const LONGEST_CALIBRATION: usize = 600;
+/// A measured constant above this many standard deviations is a fault.
+const OFFSET_LIMIT: f64 = 20.0;
 /// Doppler axes whose least singular value is below this do not span space.
 const LEAST_SINGULAR_VALUE: f64 = 0.05;
 
@@ -69,16 +84,12 @@ pub fn plan(recording: &Recording) -> Result<Vec<Channel>, Problem> {
     if velocities.is_empty() && gyros.is_none() {
         let kind = recording.case.motion.kind;
         let found = format!("found \"{kind}\" without a velocity difference and without five gyros");
-        let expected =
-            "expected velocity_error; or recorded velocity_ned and attitude_rad beside doppler sensors; or exactly five gyros";
+        let expected = "expected velocity_error; or recorded velocity_ned and attitude_rad beside doppler sensors; or five gyros";
         return Err(Problem::new(None, "motion.kind", format!("{found}; {expected}")));
     }
     let start_s = recording.time_s.first().copied().unwrap_or_default();
-    let time_ms: Vec<u64> = recording
-        .time_s
-        .iter()
-        .map(|t| ((t - start_s + recording.step_s) * 1000.0).round() as u64)
-        .collect();
+    let time_ms: Vec<u64> =
+        recording.time_s.iter().map(|t| ((t - start_s + recording.step_s) * 1000.0).round() as u64).collect();
 
     let alone = Velocity { name: "gyros".to_owned(), values: Vec::new(), noise: DEFAULT_VELOCITY_NOISE };
     let has_velocity = !velocities.is_empty();
@@ -90,11 +101,13 @@ pub fn plan(recording: &Recording) -> Result<Vec<Channel>, Problem> {
             .enumerate()
             .map(|(row, &time_ms)| StepInput {
                 time_ms,
-                velocity_error: velocity.values.get(row).map_or_else(Reading::missing, |v| reading(*v as f32)),
-                gyros: match gyros {
-                    Some(five) => five.map(|series| series.values.get(row).map_or_else(Reading::missing, |v| reading(*v))),
-                    None => [Reading::missing(); GYROS],
-                },
+                velocity_error: finite(&velocity.values, row)
+                    .map_or_else(Reading::missing, |value| Reading::good(value as f32)),
+                gyros: gyros.map_or([Reading::missing(); GYROS], |five| {
+                    five.map(|series| {
+                        finite(&series.values, row).map_or_else(Reading::missing, Reading::good)
+                    })
+                }),
                 command: Command::None,
             })
             .collect();
@@ -110,40 +123,29 @@ pub fn plan(recording: &Recording) -> Result<Vec<Channel>, Problem> {
     Ok(channels.collect())
 }
 
-fn reading<T: num_like::Finite>(value: T) -> Reading<T> {
-    if value.finite() { Reading::good(value) } else { Reading::missing() }
+/// The value in a row, if there is one.
+fn finite(values: &[f64], row: usize) -> Option<f64> {
+    values.get(row).copied().filter(|value| value.is_finite())
 }
 
-/// What `reading` needs of a number.
-mod num_like {
-    pub(super) trait Finite: nalgebra::Scalar + num_traits::Zero {
-        fn finite(&self) -> bool;
-    }
-
-    impl Finite for f32 {
-        fn finite(&self) -> bool {
-            self.is_finite()
-        }
-    }
-
-    impl Finite for f64 {
-        fn finite(&self) -> bool {
-            self.is_finite()
-        }
-    }
-}
-
-/// The five gyros, if there are exactly five.
+/// The five gyros: all that there are, or those of the one group that has exactly five.
 fn block(recording: &Recording) -> Option<[&SensorSeries; GYROS]> {
+    use SensorKind::{Dtg, Fog, MemsGyro, Rlg};
     let gyros: Vec<&SensorSeries> = recording
         .sensors
         .iter()
-        .filter(|series| {
-            use SensorKind::{Dtg, Fog, MemsGyro, Rlg};
-            matches!(series.sensor.kind, Dtg | Fog | Rlg | MemsGyro) && series.sensor.axis.is_some()
-        })
+        .filter(|series| matches!(series.sensor.kind, Dtg | Fog | Rlg | MemsGyro))
+        .filter(|series| series.sensor.axis.is_some())
         .collect();
-    gyros.try_into().ok()
+    let of_group = |group: Option<&String>| -> Vec<&SensorSeries> {
+        gyros.iter().copied().filter(|series| series.sensor.group.as_ref() == group).collect()
+    };
+    let groups: BTreeSet<&String> = gyros.iter().filter_map(|series| series.sensor.group.as_ref()).collect();
+    let mut fives = groups.into_iter().filter_map(|group| of_group(Some(group)).try_into().ok());
+    match (fives.next(), fives.next()) {
+        (Some(five), None) => Some(five),
+        _ => gyros.try_into().ok(),
+    }
 }
 
 fn velocities(recording: &Recording) -> Result<Vec<Velocity>, Problem> {
@@ -179,27 +181,31 @@ fn against_doppler(
     velocity: &[Vec<f64>; 3],
     attitude: &[Vec<f64>; 3],
 ) -> Result<Vec<Velocity>, Problem> {
-    let axes = DMatrix::from_fn(doppler.len(), 3, |row, column| {
-        doppler[row].sensor.axis.map_or(0.0, |axis| axis[column])
-    });
-    let least = axes.clone().svd(false, false).singular_values.min();
-    let inverse = axes.pseudo_inverse(1e-9).map_err(|_| ());
-    let (Ok(inverse), true) = (inverse, doppler.len() >= 3 && least > LEAST_SINGULAR_VALUE) else {
+    let axes: Vec<Vector3<f64>> =
+        doppler.iter().map(|series| Vector3::from(series.sensor.axis.unwrap_or_default())).collect();
+    let normal: Matrix3<f64> = axes.iter().map(|axis| axis * axis.transpose()).sum();
+    let spans = normal.symmetric_eigenvalues().min() > LEAST_SINGULAR_VALUE.powi(2);
+    let (Some(inverse), true) = (normal.try_inverse(), spans) else {
         let found = format!("found {} doppler axes that do not span space", doppler.len());
-        return Err(Problem::new(None, "sensor", format!("{found}; expected three beams or body components")));
+        return Err(Problem::new(
+            None,
+            "sensor",
+            format!("{found}; expected three beams or body components"),
+        ));
     };
     let sigma = doppler.iter().map(|series| noise(series, 0.0)).fold(0.0, f64::max);
     let mut errors = [Vec::with_capacity(recording.len()), Vec::with_capacity(recording.len())];
     for row in 0..recording.len() {
-        let measured = DVector::from_fn(doppler.len(), |k, _| {
-            let sensor = &doppler[k].sensor;
-            let value = doppler[k].values.get(row).copied().unwrap_or(f64::NAN);
-            (value - sensor.nominal.bias) / (1.0 + sensor.nominal.scale_factor_ppm * 1e-6)
+        // Least squares over the beams; one that is missing leaves no velocity.
+        let beams = doppler.iter().zip(&axes).map(|(series, axis)| {
+            let nominal = &series.sensor.nominal;
+            let value = series.values.get(row).copied().unwrap_or(f64::NAN);
+            axis * ((value - nominal.bias) / (1.0 + nominal.scale_factor_ppm * 1e-6))
         });
-        let body = &inverse * measured;
+        let body = inverse * beams.sum::<Vector3<f64>>();
         let at = |columns: &[Vec<f64>; 3], k: usize| columns[k].get(row).copied().unwrap_or(f64::NAN);
         let turn = body_to_ned(at(attitude, 0), at(attitude, 1), at(attitude, 2));
-        let told = turn * Vector3::new(body[0], body[1], body[2]);
+        let told = turn * body;
         for (k, error) in errors.iter_mut().enumerate() {
             error.push(at(velocity, k) - told[k]);
         }
@@ -216,7 +222,11 @@ fn noise(series: &SensorSeries, otherwise: f64) -> f64 {
     white.unwrap_or(DEFAULT_VELOCITY_NOISE).hypot(sensor.quantisation / 12f64.sqrt())
 }
 
-fn config(recording: &Recording, velocity_noise: f64, gyros: Option<&[&SensorSeries; GYROS]>) -> ModuleConfig {
+fn config(
+    recording: &Recording,
+    velocity_noise: f64,
+    gyros: Option<&[&SensorSeries; GYROS]>,
+) -> ModuleConfig {
     let default = ModuleConfig::default();
     let nominal = recording.case.schuler_loop;
     let gravity = nominal.map(|it| it.gravity).or_else(|| {
@@ -240,16 +250,32 @@ fn config(recording: &Recording, velocity_noise: f64, gyros: Option<&[&SensorSer
         ..default
     };
     if let Some(five) = gyros {
-        let isolation = &mut config.isolation;
-        isolation.range = GYRO_RANGE;
-        for ((series, axis), sigma) in five.iter().zip(&mut isolation.axes).zip(&mut isolation.sigma) {
-            *axis = series.sensor.axis.unwrap_or_default();
-            let nominal = &series.sensor.nominal;
-            let white = if nominal.white > 0.0 { nominal.white } else { DEFAULT_GYRO_NOISE };
-            *sigma = white.hypot(series.sensor.quantisation / 12f64.sqrt());
-        }
+        config.isolation = isolation(recording, five, config.max_age_ms);
     }
     config
+}
+
+fn isolation(recording: &Recording, five: &[&SensorSeries; GYROS], max_age_ms: u32) -> IsolationConfig {
+    let sigma = five.map(|series| {
+        let nominal = &series.sensor.nominal;
+        let white = if nominal.white > 0.0 { nominal.white } else { DEFAULT_GYRO_NOISE };
+        white.hypot(series.sensor.quantisation / 12f64.sqrt())
+    });
+    let coarse = five.iter().any(|series| series.sensor.kind == SensorKind::MemsGyro);
+    let relative_error = if coarse { COARSE_RELATIVE_ERROR } else { FINE_RELATIVE_ERROR };
+    let precision = sigma.iter().map(|s| 1.0 / (s * s)).sum::<f64>().sqrt();
+    IsolationConfig {
+        axes: five.map(|series| series.sensor.axis.unwrap_or_default()),
+        sigma,
+        range: GYRO_RANGE,
+        max_age_ms,
+        offset: five.map(|series| series.sensor.nominal.bias),
+        calibration_samples: (recording.len() / 10).min(LONGEST_CALIBRATION) as u32,
+        offset_limit: OFFSET_LIMIT * sigma.iter().copied().fold(0.0, f64::max),
+        relative_error,
+        rate_limit: LEAK / (relative_error * precision),
+        ..IsolationConfig::CONE
+    }
 }
 
 #[cfg(test)]

@@ -36,7 +36,11 @@ impl<'d> Fields<'_, 'd> {
     }
 
     pub(super) fn flag(self, key: &'static str) -> bool {
-        self.get(key, false, Field::boolean)
+        self.flag_or(key, false)
+    }
+
+    pub(super) fn flag_or(self, key: &'static str, default: bool) -> bool {
+        self.get(key, default, Field::boolean)
     }
 
     pub(super) fn text(self, key: &'static str) -> Option<String> {

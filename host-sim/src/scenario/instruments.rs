@@ -128,6 +128,7 @@ fn gyro_of(node: &Node<'_>) -> Option<GyroEntry> {
         position_m: fields.not_negative("position_m", 0.0),
         nominal: fields.section("nominal", nominal).unwrap_or_default(),
         relative: fields.flag("relative"),
+        recorded: fields.flag_or("recorded", true),
     })
 }
 
@@ -223,6 +224,7 @@ pub(super) fn accelerometer(node: &Node<'_>) -> Option<AccelerometerEntry> {
         position_m: fields.not_negative("position_m", 0.0),
         nominal: fields.section("nominal", nominal).unwrap_or_default(),
         relative: fields.flag("relative"),
+        recorded: fields.flag_or("recorded", true),
     })
 }
 

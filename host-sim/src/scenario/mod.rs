@@ -129,6 +129,8 @@ pub struct GyroEntry {
     pub nominal: Nominal,
     /// Whether its columns are read against an unknown constant.
     pub relative: bool,
+    /// Whether it has columns in the recording at all; one that has none may still drive the Schuler loop.
+    pub recorded: bool,
 }
 
 /// An accelerometer and what the case says of it.
@@ -148,6 +150,8 @@ pub struct AccelerometerEntry {
     pub nominal: Nominal,
     /// Whether its column is read against an unknown constant.
     pub relative: bool,
+    /// Whether it has a column in the recording at all.
+    pub recorded: bool,
 }
 
 /// Where a sensor error of the Schuler loop comes from.
