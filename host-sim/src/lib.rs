@@ -9,8 +9,10 @@
 //! | [`plot`] | figures as SVG and PNG |
 //! | [`statistics`] | tests of innovations |
 //! | [`command`] | the command's arguments, texts and progress |
+//! | [`emulator`] | the flight module behind one interface: in this process, or on the emulated target |
 //! | [`output`] | files that are whole or not there |
 pub mod command;
+pub mod emulator;
 pub mod flight;
 pub mod output;
 pub mod physics;

@@ -99,8 +99,7 @@ fn hlt_5_corrected_value_from_what_there_is() {
     let mut before = Monitored::<f64, 2>::delivered();
     feed(&mut before, &flight(3, &[(NOMINAL, 300), (JUMP, 30)], 2.0));
     let (radio, inertial) = (Reading::good(102.3), Reading::good(100.2));
-    let step =
-        |radio: &Reading<f64>, inertial: &Reading<f64>| before.clone().monitor.step(radio, inertial, 1);
+    let step = |radio: &Reading<f64>, inertial: &Reading<f64>| { before }.monitor.step(radio, inertial, 1);
 
     let both = step(&radio, &inertial);
     let corrected = both.corrected.expect("two readings");

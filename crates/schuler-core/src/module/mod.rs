@@ -46,6 +46,13 @@ pub struct StepInput {
     pub command: Command,
 }
 
+impl StepInput {
+    /// The input of a step for which nothing came.
+    pub fn without_readings(time_ms: u64) -> Self {
+        Self { time_ms, ..Self::default() }
+    }
+}
+
 /// A command from the ground, carried out in the step that brings it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Command {
