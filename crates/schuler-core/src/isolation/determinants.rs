@@ -1,0 +1,65 @@
+//! The five determinants of a five-gyro block.
+//!
+//! Source: Larin (2015), §4, equation (4.1) and Table 2. Equation ids FDI-3.1, FDI-3.2.
+//!
+//! Determinant j is that of the 4×4 matrix [A y] left when row j is removed: it vanishes when the four remaining
+//! gyros agree, so that the least of the five names the failed gyro. Removing a second row from A leaves a 3×3
+//! minor; the ten minors serve all five determinants and are constants of the geometry, so that a sample costs
+//! twenty multiplications.
+//!
+//! Divided by `√det(AᵀA)·‖v_j‖` the determinant is the parity of the block without gyro j in standard deviations,
+//! whatever the geometry. It does not contain `y_j` at all: that makes it the check of the remaining four when gyro
+//! j has failed or is silent.
+//!
+//! In: measurements (for the normalised form divided by their σ). Out: five numbers of the measurements' unit.
+use nalgebra::{RealField, SMatrix, SVector, Vector3};
+
+use super::parity::{Axes, GYROS, ParitySpace};
+
+/// Coefficients of the five determinants as linear forms of the measurements.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FiveDeterminants<T> {
+    /// Row j holds the signed minors of determinant j; its diagonal is zero.
+    minors: SMatrix<T, GYROS, GYROS>,
+}
+
+impl<T: RealField + Copy> FiveDeterminants<T> {
+    /// Forms the ten minors of the axes. `[FDI-4.1]`
+    pub fn new(axes: &Axes<T>) -> Self {
+        Self { minors: SMatrix::from_fn(|removed, expanded| signed_minor(axes, removed, expanded)) }
+    }
+
+    /// The determinants of whitened measurements, scaled to unit variance for any geometry. `[FDI-3.2]`
+    pub fn normalised(space: &ParitySpace<T>) -> Self {
+        let mut determinants = Self::new(space.axes());
+        for (mut row, &sensitivity) in determinants.minors.row_iter_mut().zip(space.sensitivity()) {
+            row /= space.volume() * sensitivity;
+        }
+        determinants
+    }
+
+    /// The five signed determinants of [A y] with one row removed each. Element j does not depend on `y_j`.
+    #[inline]
+    pub fn of(&self, measurements: &SVector<T, GYROS>) -> SVector<T, GYROS> {
+        self.minors * measurements
+    }
+}
+
+/// Coefficient of y_`expanded` in the determinant of [A y] without row `removed`: the expansion along the last
+/// of the four columns, in which row p has the sign (−1)^(p+1).
+fn signed_minor<T: RealField + Copy>(axes: &Axes<T>, removed: usize, expanded: usize) -> T {
+    let mut rest = axes
+        .row_iter()
+        .enumerate()
+        .filter(|(row, _)| *row != removed && *row != expanded)
+        .map(|(_, axis)| axis.transpose());
+    let mut next = || rest.next().unwrap_or_else(Vector3::zeros);
+    let (a, b, c) = (next(), next(), next());
+    let minor = a.dot(&b.cross(&c));
+    let position = expanded - usize::from(expanded > removed);
+    match (expanded == removed, position.is_multiple_of(2)) {
+        (true, _) => T::zero(),
+        (false, true) => -minor,
+        (false, false) => minor,
+    }
+}
