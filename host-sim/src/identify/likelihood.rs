@@ -211,6 +211,26 @@ pub fn fit(values: &[f64], parts: Parts, removed: Removed, starts: &[Parameters]
     })
 }
 
+/// The `keep` best of `candidates` as starts for [`fit`].
+pub fn best_starts(
+    values: &[f64],
+    parts: Parts,
+    removed: Removed,
+    candidates: &[Parameters],
+    keep: usize,
+) -> Vec<Parameters> {
+    let count = values.iter().filter(|value| value.is_finite()).count();
+    let offset = mean(values);
+    let values: Vec<f64> = values.iter().map(|value| value - offset).collect();
+    let problem = Problem { values: &values, parts, removed, count };
+    let mut costs: Vec<(f64, Parameters)> = candidates
+        .iter()
+        .map(|candidate| ((&problem).cost(&parts.logs(candidate)).unwrap_or(IMPOSSIBLE), *candidate))
+        .collect();
+    costs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    costs.into_iter().take(keep).map(|(_, candidate)| candidate).collect()
+}
+
 /// Standardised innovations of `fit` over `values`; NaN where a value is missing.
 pub fn standardised_innovations(values: &[f64], fit: &Fit) -> Vec<f64> {
     let middle = middle(values.len());
@@ -488,6 +508,7 @@ mod tests {
     /// The likelihood by its definition: contrasts of the data, their covariance matrix, its determinant and inverse.
     fn directly(values: &[f64], parameters: &Parameters) -> f64 {
         const N: usize = 8;
+        const CONTRASTS: usize = N - 1;
         let covariance = SMatrix::<f64, N, N>::from_fn(|i, j| {
             let lag = i.abs_diff(j) as f64;
             let correlated =
@@ -496,7 +517,6 @@ mod tests {
             correlated + walk + if i == j { parameters.white.powi(2) } else { 0.0 }
         });
         // Rows of an orthonormal basis of the contrasts: differences of each value from the mean of those before.
-        const CONTRASTS: usize = N - 1;
         let contrasts = SMatrix::<f64, CONTRASTS, N>::from_fn(|i, j| {
             let k = (i + 1) as f64;
             let size = (k * (k + 1.0)).sqrt();

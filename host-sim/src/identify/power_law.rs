@@ -77,7 +77,7 @@ pub fn fit_power_laws(points: &[AllanPoint], count: usize, step_s: f64) -> Optio
         return None;
     }
     let (support, squares, misfit) = select(&octaves)?;
-    let drawn = redraw(&octaves, &support, &squares, count, step_s);
+    let drawn = redraw(&octaves, support, &squares, count, step_s);
     let as_bad = drawn.iter().filter(|(_, drawn_misfit)| *drawn_misfit >= misfit).count();
     let p_value = (as_bad + 1) as f64 / (drawn.len() + 1) as f64;
     let mut sigmas = [0.0; TERMS];
@@ -127,7 +127,7 @@ fn select(octaves: &[Octave]) -> Option<(Support, Squares, f64)> {
     (1_u32..1 << TERMS)
         .filter_map(|bits| {
             let support: Support = std::array::from_fn(|term| bits >> term & 1 == 1);
-            let squares = solve(octaves, &support)?;
+            let squares = solve(octaves, support)?;
             let feasible = support.iter().zip(&squares).all(|(&used, &square)| !used || square > 0.0);
             let misfit = misfit(octaves, &squares);
             (feasible && misfit.is_finite()).then_some((support, squares, misfit))
@@ -145,7 +145,7 @@ fn misfit(octaves: &[Octave], squares: &Squares) -> f64 {
 }
 
 /// Least squares of the terms in `support`; squares may come out negative.
-fn solve(octaves: &[Octave], support: &Support) -> Option<Squares> {
+fn solve(octaves: &[Octave], support: Support) -> Option<Squares> {
     let used = support.iter().filter(|&&used| used).count();
     if used > octaves.len() {
         return None;
@@ -157,7 +157,7 @@ fn solve(octaves: &[Octave], support: &Support) -> Option<Squares> {
             let fitted = if pass == 0 { 0.0 } else { octave.model(&squares) };
             let scale = octave.weight.sqrt() / if fitted > 0.0 { fitted } else { octave.variance };
             let terms = octave.basis.iter().zip(support);
-            let terms = terms.map(|(&basis, &used)| if used { scale * basis } else { 0.0 });
+            let terms = terms.map(|(&basis, used)| if used { scale * basis } else { 0.0 });
             (SVector::<f64, TERMS>::from_iterator(terms), scale * octave.variance)
         });
         let (mut normal, mut target) =
@@ -182,7 +182,7 @@ fn solve(octaves: &[Octave], support: &Support) -> Option<Squares> {
 /// Squares and misfits fitted to series drawn from the power laws.
 fn redraw(
     octaves: &[Octave],
-    support: &Support,
+    support: Support,
     squares: &Squares,
     count: usize,
     step_s: f64,
