@@ -69,6 +69,7 @@ pub fn identify(recording: &Recording, options: Options, done: impl Fn(&str) + S
     Identification {
         format: report::FORMAT,
         title: recording.case.title.clone(),
+        time_column: recording.case.recording.time.clone(),
         step_s: recording.step_s,
         rows: recording.len(),
         rows_in_gaps: recording.gaps.iter().map(|gap| gap.missing).sum(),
@@ -87,6 +88,7 @@ fn identify_sensor(recording: &Recording, sensor: &SensorSeries, options: Option
     let structure = noise_structure(values, step_s);
     SensorIdentification {
         id: sensor.sensor.id.clone(),
+        column: sensor.sensor.column.clone(),
         kind: sensor.sensor.kind.to_string(),
         unit: sensor.sensor.unit,
         written_unit: sensor.written_unit,

@@ -1,48 +1,59 @@
 //! What a fitted model says the autocorrelation and the Allan variance are, to be drawn over the measured ones.
 use realfft::num_complex::Complex;
 
-use super::likelihood::{Fit, Parameters};
+use super::likelihood::{Correlated, Fit, Parameters};
 
 /// Autocorrelation of the stationary parts of `parameters` at `lag` steps: the white part at lag 0 alone.
 pub fn autocorrelation_of(parameters: &Parameters, lag: usize) -> f64 {
     let steps = lag as f64;
-    let correlated =
-        parameters.sigma.powi(2) * (-parameters.alpha * steps).exp() * (parameters.beta * steps).cos();
-    correlated + if lag == 0 { parameters.white.powi(2) } else { 0.0 }
+    let part = |(part, beta): (Correlated, f64)| {
+        part.sigma.powi(2) * (-part.alpha * steps).exp() * (beta * steps).cos()
+    };
+    let white = if lag == 0 { parameters.white.powi(2) } else { 0.0 };
+    white + correlated_parts(parameters).map(part).sum::<f64>()
 }
 
 /// Allan variance of `fit` for means over `factor` values, its slope included.
-///
-/// Closed sums over the samples, with z = e^(−α + iβ): Var Σ₁ = m R₀ + 2 Re Σ (m − j) σ² zʲ and
-/// Cov(Σ₁, Σ₂) = Re σ² z ((1 − zᵐ)/(1 − z))².
 pub fn allan_variance_of(fit: &Fit, factor: usize) -> f64 {
-    let Parameters { white, sigma, alpha, beta, walk } = fit.parameters;
+    let Parameters { white, walk, .. } = fit.parameters;
     let m = factor as f64;
-    let correlated = if sigma > 0.0 {
-        let one = Complex::new(1.0, 0.0);
-        let z = Complex::new(-alpha, beta).exp();
-        let (step, whole) = (one - z, one - Complex::new(-alpha * m, beta * m).exp());
-        let within = z * (step * m - whole) / (step * step);
-        let across = z * (whole / step).powu(2);
-        sigma * sigma * (m + 2.0 * within.re - across.re) / (m * m)
-    } else {
-        0.0
-    };
+    let correlated: f64 =
+        correlated_parts(&fit.parameters).map(|(part, beta)| allan_variance_of_part(part, beta, m)).sum();
     let walked = walk * walk * (2.0 * m * m + 1.0) / (6.0 * m);
     let ramp = fit.slope.0 * m;
     white * white / m + correlated + walked + ramp * ramp / 2.0
 }
 
+/// Closed sums over the samples, with z = e^(−α + iβ): Var Σ₁ = m R₀ + 2 Re Σ (m − j) σ² zʲ and
+/// Cov(Σ₁, Σ₂) = Re σ² z ((1 − zᵐ)/(1 − z))².
+fn allan_variance_of_part(part: Correlated, beta: f64, m: f64) -> f64 {
+    let rate = Complex::new(-part.alpha, beta);
+    let one = Complex::new(1.0, 0.0);
+    let z = rate.exp();
+    let (step, whole) = (one - z, one - (rate * m).exp());
+    let within = z * (step * m - whole) / (step * step);
+    let across = z * (whole / step).powu(2);
+    part.sigma * part.sigma * (m + 2.0 * within.re - across.re) / (m * m)
+}
+
+/// The correlated parts that are there, each with its β.
+fn correlated_parts(parameters: &Parameters) -> impl Iterator<Item = (Correlated, f64)> {
+    let markov = parameters.markov.into_iter().map(|part| (part, 0.0));
+    markov.chain([(parameters.cosine, parameters.beta)]).filter(|(part, _)| part.sigma > 0.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::identify::likelihood::{Correlated, Parts, Removed};
+    use crate::identify::likelihood::{Parts, Removed};
 
     #[test]
     fn the_allan_variance_is_that_of_the_autocorrelation() {
-        let parameters = Parameters { white: 0.5, sigma: 1.5, alpha: 0.03, beta: 0.1, walk: 0.0 };
+        let cosine = Correlated { sigma: 1.5, alpha: 0.03 };
+        let markov = [Correlated { sigma: 0.7, alpha: 0.2 }, Correlated::default()];
+        let parameters = Parameters { white: 0.5, markov, cosine, beta: 0.1, walk: 0.0 };
         let fit = Fit {
-            parts: Parts { correlated: Correlated::ExponentialCosine, walk: false },
+            parts: Parts { markov: 1, cosine: true, walk: false },
             removed: Removed::Mean,
             parameters,
             log_sigmas: None,
@@ -70,7 +81,7 @@ mod tests {
     fn a_walk_and_a_ramp_have_their_allan_variances() {
         let parameters = Parameters { walk: 0.3, ..Parameters::default() };
         let fit = Fit {
-            parts: Parts { correlated: Correlated::None, walk: true },
+            parts: Parts { walk: true, ..Parts::default() },
             removed: Removed::Line,
             parameters,
             log_sigmas: None,

@@ -38,6 +38,8 @@ pub struct Identification {
     pub format: &'static str,
     /// Title of the case.
     pub title: String,
+    /// Column of time in the table.
+    pub time_column: String,
     /// Nominal step, s.
     pub step_s: f64,
     /// Rows, those put in for missing steps included.
@@ -55,6 +57,8 @@ pub struct Identification {
 pub struct SensorIdentification {
     /// The sensor.
     pub id: String,
+    /// Its column in the table.
+    pub column: String,
     /// Its kind.
     pub kind: String,
     /// The SI unit of all values that name none.
@@ -192,8 +196,8 @@ pub struct ModelReport {
     pub name: String,
     /// White noise, 1 σ per step of the recording.
     pub white: Estimate,
-    /// First-order Markov part.
-    pub markov: Option<MarkovReport>,
+    /// First-order Markov parts, by correlation time.
+    pub markov: Vec<MarkovReport>,
     /// Exponential-cosine part.
     pub exp_cos: Option<ExponentialCosineReport>,
     /// Random walk, 1 σ per √s.
@@ -334,23 +338,29 @@ impl Scales {
             standard_deviation: Some(sigma * scale),
             weak: false,
         };
-        let sigma = estimate(|p| p.sigma, &|sigma| sigma);
-        let correlated = fit.parts.correlated;
-        let markov = (correlated == Correlated::Markov)
-            .then(|| MarkovReport { sigma, tau_s: estimate(|p| p.alpha, &|alpha| self.spacing_s / alpha) });
-        let exp_cos = (correlated == Correlated::ExponentialCosine).then(|| ExponentialCosineReport {
-            sigma,
-            alpha: estimate(|p| p.alpha, &|alpha| alpha / self.spacing_s),
-            beta: estimate(|p| p.beta, &|beta| beta / self.spacing_s),
+        let tau = |alpha: f64| self.spacing_s / alpha;
+        let rate = |value: f64| value / self.spacing_s;
+        let first = MarkovReport {
+            sigma: estimate(|p| p.markov[0].sigma, &|sigma| sigma),
+            tau_s: estimate(|p| p.markov[0].alpha, &tau),
+        };
+        let second = MarkovReport {
+            sigma: estimate(|p| p.markov[1].sigma, &|sigma| sigma),
+            tau_s: estimate(|p| p.markov[1].alpha, &tau),
+        };
+        let mut markov: Vec<MarkovReport> = [first, second].into_iter().take(fit.parts.markov).collect();
+        markov.sort_by(|a, b| a.tau_s.value.total_cmp(&b.tau_s.value));
+        let exp_cos = fit.parts.cosine.then(|| ExponentialCosineReport {
+            sigma: estimate(|p| p.cosine.sigma, &|sigma| sigma),
+            alpha: estimate(|p| p.cosine.alpha, &rate),
+            beta: estimate(|p| p.beta, &rate),
         });
-        let name = [
-            Some("white"),
-            markov.map(|_| "markov"),
-            exp_cos.map(|_| "exp_cos"),
-            fit.parts.walk.then_some("random_walk"),
-        ];
+        let mut name = vec!["white"];
+        name.extend(markov.iter().map(|_| "markov"));
+        name.extend(exp_cos.iter().map(|_| "exp_cos"));
+        name.extend(fit.parts.walk.then_some("random_walk"));
         ModelReport {
-            name: name.into_iter().flatten().collect::<Vec<_>>().join(" + "),
+            name: name.join(" + "),
             white: estimate(|p| p.white, &|white| white * self.factor.sqrt()),
             markov,
             exp_cos,
@@ -364,16 +374,20 @@ impl Scales {
 }
 
 impl ModelReport {
-    /// The model as a nominal model of a case written in `unit`: its keys, one a line.
+    /// The model as a nominal model of a case written in `unit`: its keys, one a line. A case has room for one Markov
+    /// part and one exponential-cosine part; a second Markov part is written as the latter with β = 0 where that is
+    /// free, and as a comment where it is not.
     fn nominal(&self, unit: Unit) -> String {
         let written = |estimate: Estimate| rounded(estimate.value / unit.in_si());
         let mut keys = vec![format!("white = {:?}", written(self.white))];
-        if let Some(MarkovReport { sigma, tau_s }) = self.markov {
-            keys.push(format!(
-                "markov = {{ sigma = {:?}, tau_s = {:?} }}",
-                written(sigma),
-                rounded(tau_s.value)
-            ));
+        for (index, MarkovReport { sigma, tau_s }) in self.markov.iter().enumerate() {
+            let (sigma, tau_s) = (written(*sigma), rounded(tau_s.value));
+            let alpha = rounded(1.0 / tau_s);
+            keys.push(match (index, self.exp_cos) {
+                (0, _) => format!("markov = {{ sigma = {sigma:?}, tau_s = {tau_s:?} }}"),
+                (_, None) => format!("exp_cos = {{ sigma = {sigma:?}, alpha = {alpha:?}, beta = 0.0 }}"),
+                (_, Some(_)) => format!("# and a second markov = {{ sigma = {sigma:?}, tau_s = {tau_s:?} }}"),
+            });
         }
         if let Some(ExponentialCosineReport { sigma, alpha, beta }) = self.exp_cos {
             let (sigma, alpha, beta) = (written(sigma), rounded(alpha.value), rounded(beta.value));
@@ -427,8 +441,8 @@ fn published_report(read_out: &PublishedFit, step_s: f64) -> PublishedReport {
         (Some(fit), None) => (fit.sigma.value, 1.0 / fit.tau_s.value, 0.0),
         (None, None) => (0.0, 0.0, 0.0),
     };
-    let fitted =
-        Parameters { sigma, alpha: alpha * spacing_s, beta: beta * spacing_s, ..Parameters::default() };
+    let cosine = Correlated { sigma, alpha: alpha * spacing_s };
+    let fitted = Parameters { cosine, beta: beta * spacing_s, ..Parameters::default() };
     PublishedReport {
         averaged_steps: factor,
         spacing_s,

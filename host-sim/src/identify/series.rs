@@ -16,7 +16,7 @@ pub struct Series {
 }
 
 /// What was taken from the readings.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "what", rename_all = "snake_case")]
 pub enum Subtracted {
     /// Nothing, because the motion does not say what an ideal sensor would have read.
@@ -25,7 +25,10 @@ pub enum Subtracted {
         because: String,
     },
     /// A constant: the body was at rest.
-    Constant,
+    Constant {
+        /// The constant, in the SI unit of the sensor; 0 for a sensor read against an unknown constant.
+        value: f64,
+    },
     /// The predicted output for the recorded motion.
     Motion,
 }
@@ -33,9 +36,10 @@ pub enum Subtracted {
 /// The error series of `sensor` in `recording`.
 pub fn error_series(recording: &Recording, sensor: &SensorSeries) -> Series {
     let (values, subtracted) = match predict(recording, &sensor.sensor) {
-        Ok(Prediction::Constant(constant)) => {
-            (sensor.values.iter().map(|value| value - constant).collect(), Subtracted::Constant)
-        }
+        Ok(Prediction::Constant(constant)) => (
+            sensor.values.iter().map(|value| value - constant).collect(),
+            Subtracted::Constant { value: constant },
+        ),
         Ok(Prediction::Series(motion)) => {
             let errors = sensor.values.iter().zip(motion).map(|(value, motion)| value - motion).collect();
             (errors, Subtracted::Motion)

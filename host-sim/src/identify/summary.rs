@@ -1,7 +1,7 @@
 //! The identification as text, in the units of the case and of the field.
 use std::fmt::{self, Write};
 
-use super::report::{Coefficient, Estimate, Identification, ModelReport, Quoted, SensorIdentification};
+use super::report::{Estimate, Identification, ModelReport, Quoted, SensorIdentification};
 
 /// A fit that noise of its own kind beats this often or more is taken for good.
 const LEAST_P: f64 = 0.05;
@@ -21,72 +21,62 @@ impl fmt::Display for Identification {
 impl fmt::Display for SensorIdentification {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let unit = self.written_unit;
-        let written = |value: f64| value / self.written_unit_in_si;
         writeln!(f, "{} ({}), {} values, {} missing", self.id, self.kind, self.present, self.missing)?;
         let Some(model) = self.structure.models.first() else {
             return writeln!(f, "  too few values, or all the same");
         };
-        let scaled = |estimate: &Estimate, factor: f64| Estimate {
-            value: estimate.value * factor,
-            standard_deviation: estimate.standard_deviation.map(|sigma| sigma * factor),
-            ..*estimate
-        };
-        writeln!(f, "  mean                {} {unit}", plus_minus(&scaled(&model.level, written(1.0))))?;
+        let mut line = |label: &str, text: &str| writeln!(f, "  {label:<26}{text}");
+        line("mean", &format!("{} {unit}", self.written(&model.level, 1.0)))?;
         if let Some(slope) = &model.slope_per_s {
-            writeln!(f, "  trend               {} {unit}/h", plus_minus(&scaled(slope, written(3600.0))))?;
+            line("trend", &format!("{} {unit}/h", self.written(slope, 3600.0)))?;
         }
-        writeln!(f, "  noise               {}", self.described(model)?)?;
+        line("noise", &self.described(model)?)?;
         if let Some(p) = self.structure.whiteness_p.filter(|&p| p < LEAST_P) {
-            writeln!(
-                f,
-                "                      its innovations are not white (p = {p:.1e}): there is more in it"
-            )?;
+            line("", &format!("its innovations are not white (p = {p:.1e}): there is more in it"))?;
         }
         if let Some(floor) = &self.floor {
-            let (deviation, tau_s) = (written(floor.deviation), floor.tau_s);
-            let reached = if floor.reached { "" } else { ", and still falling" };
-            writeln!(f, "  Allan floor         {deviation:.3e} {unit} at {tau_s:.0} s{reached}")?;
+            let deviation = floor.deviation / self.written_unit_in_si;
+            let reached = if floor.reached { "" } else { ", and not rising again" };
+            line("Allan floor", &format!("{deviation:.3e} {unit} at {:.0} s{reached}", floor.tau_s))?;
         }
         for coefficient in &self.coefficients {
-            writeln!(f, "  {:<20}{}", coefficient.label(), coefficient.field.described())?;
+            let label = format!("{} {}", coefficient.symbol, coefficient.name);
+            line(&label, &coefficient.field.described())?;
         }
         if self.power_laws_p.is_some_and(|p| p < LEAST_P) {
-            writeln!(f, "                      power laws alone do not describe it: see its noise above")?;
+            line("", "power laws alone do not describe it: see its noise above")?;
         }
         Ok(())
     }
 }
 
 impl SensorIdentification {
+    /// An estimate in SI units, times `factor`, in the unit of the case.
+    fn written(&self, estimate: &Estimate, factor: f64) -> String {
+        let scale = factor / self.written_unit_in_si;
+        plus_minus(&Estimate {
+            value: estimate.value * scale,
+            standard_deviation: estimate.standard_deviation.map(|sigma| sigma * scale),
+            ..*estimate
+        })
+    }
+
     /// The model in words, in the unit of the case.
     fn described(&self, model: &ModelReport) -> Result<String, fmt::Error> {
         let unit = self.written_unit;
-        let in_unit = |estimate: &Estimate| {
-            let scale = 1.0 / self.written_unit_in_si;
-            plus_minus(&Estimate {
-                value: estimate.value * scale,
-                standard_deviation: estimate.standard_deviation.map(|sigma| sigma * scale),
-                ..*estimate
-            })
-        };
-        let mut text = format!("white {} {unit}", in_unit(&model.white));
-        if let Some(markov) = &model.markov {
-            write!(text, "; Markov {} {unit}, tau {} s", in_unit(&markov.sigma), plus_minus(&markov.tau_s))?;
+        let written = |estimate: &Estimate| self.written(estimate, 1.0);
+        let mut text = format!("white {} {unit}", written(&model.white));
+        for markov in &model.markov {
+            write!(text, "; Markov {} {unit}, tau {} s", written(&markov.sigma), plus_minus(&markov.tau_s))?;
         }
         if let Some(noise) = &model.exp_cos {
-            write!(text, "; exponential-cosine {} {unit}, ", in_unit(&noise.sigma))?;
+            write!(text, "; exponential-cosine {} {unit}, ", written(&noise.sigma))?;
             write!(text, "alpha {} 1/s, beta {} rad/s", plus_minus(&noise.alpha), plus_minus(&noise.beta))?;
         }
         if let Some(walk) = &model.random_walk {
-            write!(text, "; random walk {} {unit}/sqrt(s)", in_unit(walk))?;
+            write!(text, "; random walk {} {unit}/sqrt(s)", written(walk))?;
         }
         Ok(text)
-    }
-}
-
-impl Coefficient {
-    fn label(&self) -> String {
-        format!("{} {}", self.symbol, self.name)
     }
 }
 
