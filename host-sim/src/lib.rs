@@ -1,2 +1,4 @@
 //! Placeholder.
+
+pub mod emulator;
 pub mod identify;

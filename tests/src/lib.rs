@@ -1,3 +1,5 @@
-//! What the workspace tests share: the specification's generator of golden records.
+//! What the workspace tests share: records, generators and the methods that ours are compared with.
 
 pub mod golden_records;
+pub mod health_reference;
+pub mod temperature_rate;

@@ -55,13 +55,13 @@ impl Consistency {
     }
 }
 
-/// What one flight showed over the three hours after the first retuning.
+/// What one flight showed over three hours.
 struct Result {
     averaged: Consistency,
     true_tuned: Consistency,
     mistuned: Consistency,
     found: IdentificationOutput,
-    first_retuned: Option<usize>,
+    retuned: Option<usize>,
 }
 
 fn start_config(
@@ -77,7 +77,13 @@ fn start_config(
     }
 }
 
-fn fly_module(truth: &FilterConfig<f64>, believed: &FilterConfig<f64>, flight: &Flight) -> Result {
+/// Flies the module; the three hours begin at the first retuning after `not_before` steps.
+fn fly_module(
+    truth: &FilterConfig<f64>,
+    believed: &FilterConfig<f64>,
+    flight: &Flight,
+    not_before: usize,
+) -> Result {
     let filter = in_flight_precision(believed);
     let mut module = Box::new(FlightModule::new());
     module.configure(&ModuleConfig { filter, ..ModuleConfig::default() }).unwrap();
@@ -88,7 +94,7 @@ fn fly_module(truth: &FilterConfig<f64>, believed: &FilterConfig<f64>, flight: &
         true_tuned: Consistency::default(),
         mistuned: Consistency::default(),
         found: IdentificationOutput::default(),
-        first_retuned: None,
+        retuned: None,
     };
     for (k, (x, &z)) in flight.truth.iter().zip(&flight.measured).enumerate() {
         tuned.step(Some(z));
@@ -98,11 +104,11 @@ fn fly_module(truth: &FilterConfig<f64>, believed: &FilterConfig<f64>, flight: &
             velocity_error: Reading::good(z as f32),
             ..StepInput::default()
         });
-        if output.status.contains(Status::RETUNED) && result.first_retuned.is_none() {
-            result.first_retuned = Some(k);
+        if output.status.contains(Status::RETUNED) && k >= not_before && result.retuned.is_none() {
+            result.retuned = Some(k);
         }
         result.found = output.identification;
-        if result.first_retuned.is_some_and(|first| k - first < 3 * HOUR) {
+        if result.retuned.is_some_and(|retuned| k - retuned < 3 * HOUR) {
             let averaged = &output.identification.averaged;
             let sigma = f64::from(averaged.sigma[1]);
             result.averaged.add(f64::from(averaged.estimate[1]) - x[1], sigma * sigma);
@@ -113,7 +119,13 @@ fn fly_module(truth: &FilterConfig<f64>, believed: &FilterConfig<f64>, flight: &
     result
 }
 
-fn campaign(truth: &FilterConfig<f64>, start: Start, hours: usize, seed: u64) -> Vec<Result> {
+fn campaign(
+    truth: &FilterConfig<f64>,
+    start: Start,
+    hours: usize,
+    not_before: usize,
+    seed: u64,
+) -> Vec<Result> {
     let one = |run| {
         let mut generator = MinimalStandard::new(seed + 7_919 * run);
         for _ in 0..16 {
@@ -121,7 +133,7 @@ fn campaign(truth: &FilterConfig<f64>, start: Start, hours: usize, seed: u64) ->
         }
         let believed = start_config(truth, start, &mut generator);
         let flight = fly(truth, hours * HOUR, || generator.normal());
-        fly_module(truth, &believed, &flight)
+        fly_module(truth, &believed, &flight, not_before)
     };
     (0..FLIGHTS).into_par_iter().map(one).collect()
 }
@@ -173,9 +185,9 @@ fn report(name: &str, results: &[Result], truth: &FilterConfig<f64>) {
 fn fil_15_level_b_meets_its_bars_from_every_start() {
     let truth = scenario_r1();
     for (start, seed) in [(Start::Low, 4_001), (Start::High, 600_011), (Start::Random, 9_000_011)] {
-        let results = campaign(&truth, start, 7, seed);
+        let results = campaign(&truth, start, 7, 0, seed);
         report(&format!("R1 {start:?}"), &results, &truth);
-        assert!(results.iter().all(|r| r.first_retuned.is_some_and(|k| k < 4 * HOUR)));
+        assert!(results.iter().all(|r| r.retuned.is_some_and(|k| k < 5 * HOUR)));
         let nees = mean(&results, |r| r.averaged.nees());
         assert!((0.9..=1.3).contains(&nees), "NEES {nees}");
         assert!(mean(&results, |r| r.averaged.outside()) <= 0.015);
@@ -212,10 +224,13 @@ fn fil_15_level_b_meets_its_bars_from_every_start() {
 #[test]
 fn fil_15_level_b_in_the_scenario_with_slow_gyro_drift() {
     let truth = scenario(9.80665e-4, 120.0, 0.01 * DEGREE_PER_HOUR, 3600.0);
-    let results = campaign(&truth, Start::Random, 10, 77_003);
+    // Three hours are three correlation times of this gyro: too few. The window holds 5.7 h when it is full.
+    let results = campaign(&truth, Start::Random, 11, 6 * HOUR, 77_003);
     report("R2 Random", &results, &truth);
-    let late: Vec<&Result> = results.iter().collect();
-    assert_eq!(late.len(), FLIGHTS as usize);
+    let ratio = mean(&results, |r| r.averaged.rmse() / r.true_tuned.rmse());
+    assert!(ratio <= 1.1, "RMSE ratio {ratio}");
+    let outside = mean(&results, |r| r.averaged.outside());
+    assert!(outside <= 0.03, "outside {outside}");
 }
 
 /// [FIL-11] with zero mean over a whole series.
@@ -264,27 +279,25 @@ fn fil_16_an_exponential_cosine_sensor_is_found_and_flown() {
         } else {
             fly(&truth, 7 * HOUR, || generator.normal())
         };
-        fly_module(&truth, &truth, &flight)
+        fly_module(&truth, &truth, &flight, 0)
     };
     let runs = 20;
     let coloured: Vec<Result> = (0..runs).into_par_iter().map(|run| one(run, true)).collect();
     let plain: Vec<Result> = (0..runs).into_par_iter().map(|run| one(run, false)).collect();
-    let found: Vec<&Result> = coloured.iter().filter(|r| r.found.gyro.noise.beta > 0.0).collect();
-    let falsely =
-        plain.iter().filter(|r| r.found.gyro.noise.beta > 0.0 || r.found.accelerometer.noise.beta > 0.0);
+    let swings = |r: &&Result| r.found.gyro.noise.beta > 0.0;
+    let found: Vec<&Result> = coloured.iter().filter(swings).collect();
+    let falsely = plain.iter().filter(|r| swings(r) || r.found.accelerometer.noise.beta > 0.0).count();
+    let median = |f: &dyn Fn(&Result) -> f64| quantile(found.iter().map(|r| f(r)).collect(), 0.5);
+    let sigma = median(&|r| f64::from(r.found.gyro.noise.sigma) / truth.gyro.sigma);
+    let alpha = median(&|r| f64::from(r.found.gyro.noise.alpha) / swing[0]);
+    let beta = median(&|r| f64::from(r.found.gyro.noise.beta) / swing[1]);
     println!(
-        "exponential-cosine gyro found in {} of {runs}, falsely in {}",
-        found.len(),
-        falsely.clone().count()
+        "exponential-cosine gyro found in {} of {runs}, falsely in {falsely}; median ratio to the truth: \
+         σ {sigma:.2}, α {alpha:.2}, β {beta:.2}",
+        found.len()
     );
-    for r in &found {
-        let g = &r.found.gyro.noise;
-        println!(
-            "    σ {:.2}, α {:.2}, β {:.2} of the truth; NEES {:.2}",
-            f64::from(g.sigma) / truth.gyro.sigma,
-            f64::from(g.alpha) / swing[0],
-            f64::from(g.beta) / swing[1],
-            r.averaged.nees()
-        );
-    }
+    // The specification sets no bar here. Two thirds must be found, at most one in twenty falsely.
+    assert!(found.len() >= 13);
+    assert!(falsely <= 1);
+    assert!((beta - 1.0).abs() < 0.1 && (0.5..2.0).contains(&alpha) && (0.7..1.4).contains(&sigma));
 }

@@ -30,8 +30,8 @@ fn first_order_series() -> Vec<f64> {
 
 fn exponential_cosine_series() -> Vec<f64> {
     let mut generator = MinimalStandard::new(54_321);
-    let (alpha, beta, step) = (1.0 / 600.0, std::f64::consts::TAU / 1800.0, 10.0);
-    let decay = (-alpha * step as f64).exp();
+    let (alpha, beta, step) = (1.0_f64 / 600.0, std::f64::consts::TAU / 1800.0, 10.0);
+    let decay = (-alpha * step).exp();
     let (cosine, sine) = (decay * (beta * step).cos(), decay * (beta * step).sin());
     let driving = (1.0 - decay * decay).sqrt();
     let mut x = [generator.normal(), generator.normal()];

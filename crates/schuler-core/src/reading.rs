@@ -31,10 +31,10 @@ impl<T> Reading<T> {
     }
 }
 
-impl<T: Default> Reading<T> {
+impl<T: num_traits::Zero> Reading<T> {
     /// No reading this step.
     pub fn missing() -> Self {
-        Self { value: T::default(), age_ms: 0, quality: Quality::Missing }
+        Self { value: T::zero(), age_ms: 0, quality: Quality::Missing }
     }
 
     /// The reading, or a missing one when it is too old.

@@ -54,6 +54,17 @@ impl<T: RealField + Copy> DiscreteModel<T> {
         for _ in 0..DOUBLINGS {
             model = model.then(&model);
         }
+        // The loop's and the sensors' own terms in closed form: the distances of Φ₁₁, Φ₂₂, Φ₃₃ and Φ₄₄ from one
+        // have few digits to lose in single precision.
+        let schuler = (gravity / radius_m).sqrt();
+        let (sine, cosine) = ((schuler * step_s).sin(), (schuler * step_s).cos());
+        (model.velocity[0], model.vertical[1]) = (cosine, cosine);
+        (model.velocity[1], model.vertical[0]) = (-gravity * sine / schuler, sine / (schuler * radius_m));
+        let ratios = [step_s / accelerometer.tau_s, step_s / gyro.tau_s];
+        model.decay = ratios.map(|ratio| (-ratio).exp());
+        let [aa, ww] = ratios.map(|ratio| -(-(ratio + ratio)).exp_m1());
+        model.noise[7] = accelerometer.sigma * accelerometer.sigma * aa;
+        model.noise[9] = gyro.sigma * gyro.sigma * ww;
         model
     }
 

@@ -68,8 +68,8 @@ impl<T: RealField + Copy, const N: usize, const LAGS: usize> SlidingAutocorrelat
         let (new, new_present) = (value.unwrap_or(T::zero()), value.is_some());
 
         // The oldest value leaves, with its products with itself and the values after it.
-        let (before, from_head) = self.values.split_at(self.head);
-        let (before_present, from_head_present) = self.present.split_at(self.head);
+        let (before, from_head) = halves(&self.values, self.head);
+        let (before_present, from_head_present) = halves(&self.present, self.head);
         let (oldest, oldest_present) = (from_head.first(), from_head_present.first());
         let (oldest, oldest_present) =
             (oldest.copied().unwrap_or(T::zero()), oldest_present.copied().unwrap_or(false));
@@ -86,8 +86,8 @@ impl<T: RealField + Copy, const N: usize, const LAGS: usize> SlidingAutocorrelat
             *present = new_present;
         }
         self.head = if self.head + 1 < N { self.head + 1 } else { 0 };
-        let (newer, older) = self.values.split_at(self.head);
-        let (newer_present, older_present) = self.present.split_at(self.head);
+        let (newer, older) = halves(&self.values, self.head);
+        let (newer_present, older_present) = halves(&self.present, self.head);
         let earlier = newer.iter().rev().chain(older.iter().rev());
         let earlier_present = newer_present.iter().rev().chain(older_present.iter().rev());
         let sums = self.sums.iter_mut().zip(self.fresh.iter_mut()).enumerate();
@@ -125,6 +125,11 @@ impl<T: RealField + Copy, const N: usize, const LAGS: usize> SlidingAutocorrelat
     pub fn count(&self) -> u32 {
         self.sums.first().map_or(0, |lagged| lagged.pairs)
     }
+}
+
+/// What stands before the head of a ring, and what from it on.
+fn halves<X>(ring: &[X], head: usize) -> (&[X], &[X]) {
+    ring.split_at_checked(head).unwrap_or((ring, &[]))
 }
 
 #[cfg(test)]

@@ -95,6 +95,7 @@ struct Sums {
 }
 
 impl Sums {
+    const ZERO: Self = Self { greatest: 0.0, ..Self::EMPTY };
     const EMPTY: Self = Self {
         weight: 0.0,
         first: [0.0; 4],
@@ -115,7 +116,7 @@ impl<const L: usize, const M: usize> FilterBank<L, M> {
     /// A bank that has not been started.
     pub const fn new() -> Self {
         let () = Self::WHOLE;
-        let noise = MarkovNoise { sigma: 1.0, tau_s: 1.0 };
+        let noise = MarkovNoise { sigma: 0.0, tau_s: 0.0 };
         let part = Part { to_velocity: 0.0, to_vertical: 0.0, decay: 0.0, noise: [0.0; 6] };
         let state = Gaussian { mean: [0.0; 4], covariance: [0.0; 10] };
         Self {
@@ -128,7 +129,7 @@ impl<const L: usize, const M: usize> FilterBank<L, M> {
             cursor: 0,
             part: 0,
             greatest: 0.0,
-            sums: Sums::EMPTY,
+            sums: Sums::ZERO,
             mixture: Mixture::EMPTY,
         }
     }

@@ -4,7 +4,9 @@
 //! by the filter's own: E[x̂_{k+j} x̂_k] = e^(−jΔ/τ)(σ² − P). Hence σ̂² = R₀ + P̄ [FIL-13], and without that the
 //! loop of identification and retuning collapses.
 
-use super::structure::{Structure, choose_structure};
+use super::structure::{
+    EXPONENTIAL_FLOOR, Exponential, ExponentialCosine, fit_exponential, fit_exponential_cosine,
+};
 use crate::filter::{Gaussian, Kernel};
 
 /// Lags of the autocorrelation, the zeroth included.
@@ -35,8 +37,14 @@ pub struct ReadOut {
 /// What the read-out of one channel says.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChannelReadOut {
-    /// Structure and parameters; the variance is that of the estimate, R₀.
-    pub structure: Structure<f32>,
+    /// First-order fit; the variance is that of the estimate, R₀.
+    pub exponential: Option<Exponential<f32>>,
+    /// Exponential-cosine fit, where the correlation crosses zero.
+    ///
+    /// The strict choice between the two ([`super::choose_structure`]) is for a directly measured series: the
+    /// filter shapes its estimate after the model that it believes in, and a swing that the likelihood sees
+    /// clearly is seldom seen there. So the fit only proposes, and the likelihood decides.
+    pub cosine: Option<ExponentialCosine<f32>>,
     /// Mean filter variance P̄ over the stretch.
     pub filter_variance: f32,
 }
@@ -63,20 +71,20 @@ impl ReadOut {
         }
     }
 
-    /// Takes the state after sample `index`.
+    /// Takes the state after sample `index`, if it `counts`.
     #[inline]
-    pub fn take(&mut self, index: u32, state: &Gaussian<f32>) {
-        if index < self.first {
-            return;
-        }
-        self.count += 1;
+    pub fn take(&mut self, index: u32, state: &Gaussian<f32>, counts: bool) {
+        let counts = counts && index >= self.first;
+        let weight = if counts { 1.0 } else { 0.0 };
+        self.count += u32::from(counts);
         let start = self.pass * LAGS_PER_PASS;
         let variances = state.variances();
         let estimates = [(state.mean[2], variances[2]), (state.mean[3], variances[3])];
         for (channel, (estimate, variance)) in self.channels.iter_mut().zip(estimates) {
             let at = index as usize;
+            let estimate = weight * estimate;
             channel.newest[at & (LAGS - 1)] = estimate;
-            channel.variance += variance;
+            channel.variance += weight * variance;
             for lag in start..start + LAGS_PER_PASS {
                 let earlier = channel.newest[at.wrapping_sub(lag) & (LAGS - 1)];
                 channel.products[lag & (LAGS - 1)] += estimate * earlier;
@@ -93,7 +101,8 @@ impl ReadOut {
             *r /= (count - lag) as f32;
         }
         ChannelReadOut {
-            structure: choose_structure(&autocorrelation, spacing_s, count as f32 * spacing_s),
+            exponential: fit_exponential(&autocorrelation, spacing_s, EXPONENTIAL_FLOOR as f32),
+            cosine: fit_exponential_cosine(&autocorrelation, spacing_s),
             filter_variance: sums.variance / count as f32,
         }
     }

@@ -1,24 +1,17 @@
-//! Maximum of a function of four variables by the simplex of Nelder and Mead, one evaluation at a time.
+//! Maximum of a function of several variables by the simplex of Nelder and Mead, one evaluation at a time.
 //!
 //! The function is far too costly for one step of the flight module, so the search hands out the point that it
 //! wants to know and takes the value when it is there. Between the two calls its work is small and bounded.
 
-/// Number of variables.
-pub const DIMENSION: usize = 4;
-const VERTICES: usize = DIMENSION + 1;
-
-/// A point of the search space.
-pub type Point = [f32; DIMENSION];
-
 /// What the value that comes next is for.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Stage {
+enum Stage<const D: usize> {
     /// Values of the first simplex.
     Start(usize),
     /// The worst vertex mirrored at the others' centre.
     Reflect,
     /// Twice as far, after a reflection that was the best yet.
-    Expand { reflected: Point, value: f32 },
+    Expand { reflected: [f32; D], value: f32 },
     /// Half-way out, after a reflection that was only better than the worst.
     ContractOutside { value: f32 },
     /// Half-way in.
@@ -27,32 +20,35 @@ enum Stage {
     Shrink(usize),
 }
 
-/// The search's state.
+/// The search's state, for `D` variables and `V` = `D` + 1 vertices.
 #[derive(Clone, Copy, Debug)]
-pub struct Simplex {
-    vertices: [Point; VERTICES],
-    values: [f32; VERTICES],
-    stage: Stage,
+pub struct Simplex<const D: usize, const V: usize> {
+    vertices: [[f32; D]; V],
+    values: [f32; V],
+    stage: Stage<D>,
     /// The point whose value is wanted.
-    wanted: Point,
+    wanted: [f32; D],
     evaluations: u16,
 }
 
-impl Simplex {
+impl<const D: usize, const V: usize> Simplex<D, V> {
+    const WHOLE: () = assert!(V == D + 1, "one vertex more than variables");
+
     /// A search that has not been started.
     pub const fn idle() -> Self {
+        let () = Self::WHOLE;
         Self {
-            vertices: [[0.0; DIMENSION]; VERTICES],
-            values: [f32::NEG_INFINITY; VERTICES],
+            vertices: [[0.0; D]; V],
+            values: [0.0; V],
             stage: Stage::Start(0),
-            wanted: [0.0; DIMENSION],
+            wanted: [0.0; D],
             evaluations: 0,
         }
     }
 
     /// A search from `start`, with a first simplex of edge `step` along each variable.
-    pub fn new(start: Point, step: f32) -> Self {
-        let mut vertices = [start; VERTICES];
+    pub fn new(start: [f32; D], step: f32) -> Self {
+        let mut vertices = [start; V];
         for (axis, vertex) in vertices.iter_mut().skip(1).enumerate() {
             for (i, x) in vertex.iter_mut().enumerate() {
                 *x += if i == axis { step } else { 0.0 };
@@ -60,7 +56,7 @@ impl Simplex {
         }
         Self {
             vertices,
-            values: [f32::NEG_INFINITY; VERTICES],
+            values: [f32::NEG_INFINITY; V],
             stage: Stage::Start(0),
             wanted: start,
             evaluations: 0,
@@ -68,7 +64,7 @@ impl Simplex {
     }
 
     /// The point whose value the search wants next.
-    pub fn wanted(&self) -> Point {
+    pub fn wanted(&self) -> [f32; D] {
         self.wanted
     }
 
@@ -81,12 +77,12 @@ impl Simplex {
     pub fn spread(&self) -> f32 {
         match self.stage {
             Stage::Start(_) => f32::INFINITY,
-            _ => self.values[0] - self.values[VERTICES - 1],
+            _ => self.values[0] - self.values[V - 1],
         }
     }
 
     /// The best point yet and its value.
-    pub fn best(&self) -> (Point, f32) {
+    pub fn best(&self) -> ([f32; D], f32) {
         self.vertices.iter().zip(self.values).fold(
             (self.vertices[0], f32::NEG_INFINITY),
             |best, (&vertex, value)| if value > best.1 { (vertex, value) } else { best },
@@ -97,12 +93,12 @@ impl Simplex {
     pub fn report(&mut self, value: f32) {
         let value = if value.is_nan() { f32::NEG_INFINITY } else { value };
         self.evaluations = self.evaluations.saturating_add(1);
-        let worst = VERTICES - 1;
+        let worst = V - 1;
         let tried = self.wanted;
         let next = match self.stage {
             Stage::Start(i) => {
                 self.place(i, tried, value);
-                if i + 1 < VERTICES { Stage::Start(i + 1) } else { Stage::Reflect }
+                if i + 1 < V { Stage::Start(i + 1) } else { Stage::Reflect }
             }
             Stage::Reflect if value > self.values[0] => Stage::Expand { reflected: tried, value },
             Stage::Reflect if value > self.values[worst - 1] => self.accept(tried, value),
@@ -122,7 +118,7 @@ impl Simplex {
             Stage::ContractOutside { .. } | Stage::ContractInside => Stage::Shrink(1),
             Stage::Shrink(i) => {
                 self.place(i, tried, value);
-                if i + 1 < VERTICES { Stage::Shrink(i + 1) } else { Stage::Reflect }
+                if i + 1 < V { Stage::Shrink(i + 1) } else { Stage::Reflect }
             }
         };
         if next == Stage::Reflect {
@@ -132,22 +128,22 @@ impl Simplex {
         self.wanted = self.point(next);
     }
 
-    fn place(&mut self, index: usize, vertex: Point, value: f32) {
+    fn place(&mut self, index: usize, vertex: [f32; D], value: f32) {
         if let (Some(v), Some(f)) = (self.vertices.get_mut(index), self.values.get_mut(index)) {
             *v = vertex;
             *f = value;
         }
     }
 
-    fn accept(&mut self, vertex: Point, value: f32) -> Stage {
-        self.place(VERTICES - 1, vertex, value);
+    fn accept(&mut self, vertex: [f32; D], value: f32) -> Stage<D> {
+        self.place(V - 1, vertex, value);
         Stage::Reflect
     }
 
     /// Best first: an exchange sort of fixed length.
     fn sort(&mut self) {
-        for _ in 1..VERTICES {
-            for i in 1..VERTICES {
+        for _ in 1..V {
+            for i in 1..V {
                 if self.values[i] > self.values[i - 1] {
                     self.values.swap(i, i - 1);
                     self.vertices.swap(i, i - 1);
@@ -156,7 +152,7 @@ impl Simplex {
         }
     }
 
-    fn point(&self, stage: Stage) -> Point {
+    fn point(&self, stage: Stage<D>) -> [f32; D] {
         match stage {
             Stage::Start(i) => self.vertices.get(i).copied().unwrap_or(self.vertices[0]),
             Stage::Reflect => self.along(1.0),
@@ -175,14 +171,14 @@ impl Simplex {
     }
 
     /// centre + t (centre − worst), the centre being that of all vertices but the worst.
-    fn along(&self, t: f32) -> Point {
-        let mut centre = [0.0; DIMENSION];
-        for vertex in self.vertices.iter().take(DIMENSION) {
+    fn along(&self, t: f32) -> [f32; D] {
+        let mut centre = [0.0; D];
+        for vertex in self.vertices.iter().take(D) {
             for (c, x) in centre.iter_mut().zip(vertex) {
-                *c += x * (1.0 / DIMENSION as f32);
+                *c += x * (1.0 / D as f32);
             }
         }
-        for (c, x) in centre.iter_mut().zip(self.vertices[VERTICES - 1]) {
+        for (c, x) in centre.iter_mut().zip(self.vertices[V - 1]) {
             *c += t * (*c - x);
         }
         centre
@@ -193,7 +189,7 @@ impl Simplex {
 mod tests {
     use super::*;
 
-    fn maximise(start: Point, step: f32, f: impl Fn(&Point) -> f32) -> Simplex {
+    fn maximise(start: [f32; 4], step: f32, f: impl Fn(&[f32; 4]) -> f32) -> Simplex<4, 5> {
         let mut simplex = Simplex::new(start, step);
         while simplex.spread() > 1e-6 && simplex.evaluations() < 1000 {
             simplex.report(f(&simplex.wanted()));

@@ -12,7 +12,7 @@ pub const DECIMATION: u32 = 10;
 pub const WINDOW: u32 = 2048;
 
 /// Samples kept: the window, and what arrives while an identification of it is under way.
-pub const CAPACITY: usize = 2560;
+pub const CAPACITY: usize = 2816;
 
 /// The mean of up to [`DECIMATION`] values.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -144,7 +144,7 @@ mod tests {
             }
         }
         assert_eq!(window.sample(2999).mean, 2999.0);
-        assert_eq!(window.sample(440).mean, 440.0);
-        assert!(!window.sample(439).is_present());
+        assert_eq!(window.sample(184).mean, 184.0);
+        assert!(!window.sample(183).is_present());
     }
 }

@@ -46,6 +46,13 @@ pub struct StepInput {
     pub command: Command,
 }
 
+impl StepInput {
+    /// The input of a step for which nothing came.
+    pub fn without_readings(time_ms: u64) -> Self {
+        Self { time_ms, ..Self::default() }
+    }
+}
+
 /// A command from the ground, carried out in the step that brings it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Command {
@@ -146,9 +153,20 @@ const LONGEST_GAP: u64 = 600;
 /// The flight module's whole state: about 50 kB. Keep it in a static and configure it there.
 #[derive(Clone, Copy, Debug)]
 pub struct FlightModule {
-    running: Option<Running>,
+    stage: Stage,
     likelihood: LikelihoodIdentifier,
     published: PublishedLoop,
+}
+
+/// Before and after the configuration.
+///
+/// The tag stands by itself, so that a module that waits is all zeros and a static one costs no flash.
+#[derive(Clone, Copy, Debug)]
+#[repr(u8)]
+#[expect(clippy::large_enum_variant, reason = "there is exactly one, and it is never moved")]
+enum Stage {
+    Waiting,
+    Running(Running),
 }
 
 /// What exists only once there is a configuration.
@@ -190,7 +208,11 @@ impl ModuleConfig {
 impl FlightModule {
     /// A module that waits for its configuration; until then every step answers [`Status::NOT_CONFIGURED`].
     pub const fn new() -> Self {
-        Self { running: None, likelihood: LikelihoodIdentifier::new(), published: PublishedLoop::new() }
+        Self {
+            stage: Stage::Waiting,
+            likelihood: LikelihoodIdentifier::new(),
+            published: PublishedLoop::new(),
+        }
     }
 
     /// Checks the configuration and starts the module anew from it, in place. On an error the module goes on as
@@ -200,7 +222,7 @@ impl FlightModule {
     /// The first field that cannot be flown.
     pub fn configure(&mut self, config: &ModuleConfig) -> Result<(), ConfigError> {
         config.validate()?;
-        self.running = Some(Running {
+        self.stage = Stage::Running(Running {
             config: *config,
             filter: ErrorFilter::try_build(&config.filter)?,
             in_use: ChannelNoise { accelerometer: config.filter.accelerometer, gyro: config.filter.gyro },
@@ -217,7 +239,7 @@ impl FlightModule {
 
     /// One step. Never panics; whatever the input, the state stays usable.
     pub fn step(&mut self, input: &StepInput) -> StepOutput {
-        let Some(running) = &mut self.running else {
+        let Stage::Running(running) = &mut self.stage else {
             return StepOutput {
                 time_ms: input.time_ms,
                 status: Status::NOT_CONFIGURED,
