@@ -6,6 +6,7 @@
 //! | [`scenario`] | the scenario file: what to simulate |
 //! | [`simulation`] | scenario in, recording, case and truth out |
 //! | [`flight`] | case in, module flown, outputs summed up |
+//! | [`identify`] | noise structure, Allan deviation and autocorrelation of each sensor of a recording |
 //! | [`plot`] | figures as SVG and PNG |
 //! | [`statistics`] | tests of innovations |
 //! | [`command`] | the command's arguments, texts and progress |
@@ -17,6 +18,7 @@ pub mod calibration_table;
 pub mod command;
 pub mod emulator;
 pub mod flight;
+pub mod identify;
 pub mod output;
 pub mod physics;
 pub mod plot;
