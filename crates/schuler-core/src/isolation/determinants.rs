@@ -31,9 +31,9 @@ impl<T: RealField + Copy> FiveDeterminants<T> {
 
     /// The determinants of whitened measurements, scaled to unit variance for any geometry. `[FDI-3.2]`
     pub fn normalised(space: &ParitySpace<T>) -> Self {
-        let mut determinants = Self::new(space.axes());
+        let mut determinants = Self::new(space.geometry().axes());
         for (mut row, &sensitivity) in determinants.minors.row_iter_mut().zip(space.sensitivity()) {
-            row /= space.volume() * sensitivity;
+            row /= space.geometry().volume() * sensitivity;
         }
         determinants
     }

@@ -7,25 +7,31 @@
 //!
 //! | module | computes |
 //! | --- | --- |
+//! | [`geometry`] | the axes in units of their noise, and whether they can serve |
 //! | [`parity`] | what the five measurements say that no rate can explain |
 //! | [`determinants`] | the five determinants: the disagreement of each four |
 //! | [`rate`] | the rate from five, or from the four that are left |
 //! | [`thresholds`] | thresholds for a stated mean time between false alarms |
 //! | [`detector`] | alarm, and which gyro |
 //! | [`remaining`] | alarm among the four that are left |
+//! | [`projector`], [`sequential`] | the paper's other methods, for any number of gyros: cross-checks |
 //!
 //! In: five rates along the input axes, rad/s, once a step. Out: [`IsolationOutput`].
 mod calibration;
 mod configuration;
 pub mod detector;
 pub mod determinants;
+pub mod geometry;
 mod input;
 mod investigation;
+mod orthogonal;
 mod output;
 pub mod parity;
+pub mod projector;
 pub mod rate;
 mod recovery;
 pub mod remaining;
+pub mod sequential;
 mod size;
 mod sums;
 pub mod thresholds;

@@ -5,6 +5,7 @@
 //! In: measurements divided by their σ. Out: rate in body axes, rad/s, and its covariance, (rad/s)².
 use nalgebra::{Matrix3, RealField, SMatrix, SVector, Vector3};
 
+use super::orthogonal::ThinQr;
 use super::parity::{GYROS, ParitySpace};
 
 /// Weighted least squares over one set of gyros.
@@ -63,18 +64,18 @@ impl<T: RealField + Copy> RateEstimator<T> {
 
 /// The fit over one set of gyros by the inverse of the triangular factor: `ω̂ = σ_ref R⁻¹ Qᵀ y`.
 fn fit<T: RealField + Copy>(space: &ParitySpace<T>, excluded: Option<usize>) -> RateFit<T> {
-    let mut axes = *space.axes();
+    let mut axes = *space.geometry().axes();
     for (row, mut axis) in axes.row_iter_mut().enumerate() {
         if Some(row) == excluded {
             axis.fill(T::zero());
         }
     }
-    let qr = axes.qr();
-    let factor = qr.r().solve_upper_triangular(&Matrix3::identity()).unwrap_or_else(Matrix3::zeros)
-        * space.reference_sigma();
+    let qr = ThinQr::new(&axes);
+    let factor = qr.triangle.solve_upper_triangular(&Matrix3::identity()).unwrap_or_else(Matrix3::zeros)
+        * space.geometry().reference_sigma();
     let covariance = factor * factor.transpose();
     RateFit {
-        gain: factor * qr.q().transpose(),
+        gain: factor * qr.range().transpose(),
         covariance,
         sigma: covariance.diagonal().map(nalgebra::ComplexField::sqrt),
     }

@@ -10,7 +10,7 @@
 //! In: mean number of samples between false alarms. Out: thresholds of normalised statistics.
 use nalgebra::RealField;
 
-use super::parity::constant;
+use super::geometry::constant;
 
 /// Reference value `k_a` of the fast sums, in standard deviations.
 pub const FAST_REFERENCE: f64 = 0.5;
