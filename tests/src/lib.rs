@@ -1,1 +1,5 @@
-//! Placeholder.
+//! What the workspace tests share: records, generators and the methods that ours are compared with.
+
+pub mod golden_records;
+pub mod health_reference;
+pub mod temperature_rate;

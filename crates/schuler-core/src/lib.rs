@@ -6,6 +6,8 @@
 //! | [`filter`] | velocity error, vertical error, accelerometer error and gyro drift from velocity differences |
 //! | [`identification`] | the structure and parameters of each sensor's noise; retunes the filter |
 //! | [`isolation`] | which of five gyros has failed, and the rate from the healthy ones |
+//! | [`thermal`] | temperature and its rate from quantised readings; compensation of the sensors' thermal errors |
+//! | [`health`] | whether a radio sensor's mean has shifted or its noise has grown, against an inertial one |
 //! | [`module`] | the one fixed step that strings them together |
 //!
 //! No heap, no panic, no unsafe, no loop whose length depends on the data. Inside, everything is in SI units
@@ -18,7 +20,10 @@
 
 pub mod config;
 pub mod filter;
+pub mod health;
 pub mod identification;
 pub mod isolation;
 pub mod module;
+mod number;
 pub mod reading;
+pub mod thermal;

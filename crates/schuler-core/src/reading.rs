@@ -2,7 +2,7 @@
 use serde::{Deserialize, Serialize};
 
 /// A sensor's value with what the interface electronics know about it. The unit is the channel's.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Reading<T> {
     /// The value; ignored unless the quality is [`Quality::Good`]. May be NaN: that counts as missing.
     pub value: T,
@@ -35,5 +35,11 @@ impl<T: num_traits::Zero> Reading<T> {
     /// No reading this step.
     pub fn missing() -> Self {
         Self { value: T::zero(), age_ms: 0, quality: Quality::Missing }
+    }
+
+    /// The reading, or a missing one when it is too old.
+    #[must_use]
+    pub fn not_older_than(self, max_age_ms: u32) -> Self {
+        if self.age_ms > max_age_ms { Self::missing() } else { self }
     }
 }

@@ -1,1 +1,30 @@
-//! Placeholder.
+//! The link between a host (navigation computer, simulator, ground) and the flight module.
+//!
+//! | module | what it is |
+//! | --- | --- |
+//! | [`frame`] | how a message becomes bytes on a wire and comes back: direction, version, number, postcard, CRC-32, COBS |
+//! | [`message`] | what the two sides can say |
+//! | [`endpoint`] | the module's side of the conversation: each command carried out exactly once, pace, deadline, counters |
+//! | [`ring`] | a byte queue between an interrupt and the main loop |
+//!
+//! No heap, no panic, no unsafe. Memory is fixed: a decoder holds one frame, an endpoint one decoder and two
+//! frames.
+#![no_std]
+
+pub mod endpoint;
+pub mod frame;
+pub mod message;
+pub mod ring;
+
+/// Version of the protocol: frame layout and messages. A frame of another version is refused.
+pub const PROTOCOL: u8 = 1;
+
+/// Hash of the sources that determine what an image computes (`build.rs` lists them). A host built from other
+/// sources than the image it talks to sees it here, before it trusts a comparison bit by bit.
+pub const SOURCE_HASH: u64 = match u64::from_str_radix(env!("SCHULER_SOURCE_HASH"), 16) {
+    Ok(hash) => hash,
+    Err(_) => panic!("build.rs gives sixteen hexadecimal digits"),
+};
+
+/// Version of the module and this crate.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");

@@ -1,13 +1,52 @@
-//! The error filter.
+//! The error filter of a single-channel, Schuler-tuned inertial system.
+//!
+//! Input: the inertial velocity less a reference velocity, m/s, once a step. Output: velocity error, error of
+//! the vertical, accelerometer error and gyro drift with their standard deviations, the innovation and its
+//! normalised square.
+//!
+//! Source: the paper on noise identification, equations (3)–(9).
+
+use nalgebra::{ComplexField, RealField};
 use serde::{Deserialize, Serialize};
 
-/// A first-order Markov process: R(t) = σ² exp(−|t|/τ).
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+mod coloured;
+mod gaussian;
+mod kernel;
+mod model;
+
+pub use coloured::{ColouredGaussian, ColouredModel, ColouredNoise};
+pub use gaussian::Gaussian;
+pub use kernel::{Innovation, Kernel};
+pub use model::DiscreteModel;
+
+use crate::config::{ConfigError, Problem};
+use crate::number::real;
+
+/// A first-order Markov process: R(t) = σ² exp(−|t|/τ) [FIL-7].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MarkovNoise<T> {
-    /// Standard deviation, in the state's unit (m/s² for the accelerometer, rad/s for the gyro).
+    /// Standard deviation σ, in the state's unit (m/s² for the accelerometer, rad/s for the gyro).
     pub sigma: T,
-    /// Correlation time, s.
+    /// Correlation time τ, s.
     pub tau_s: T,
+}
+
+impl<T: RealField + Copy> MarkovNoise<T> {
+    /// Level q = b² = 2σ²/τ of the white noise that drives the process [FIL-8].
+    #[inline]
+    pub fn spectral_level(&self) -> T {
+        real::<T>(2.0) * self.sigma * self.sigma / self.tau_s
+    }
+
+    fn check(&self, fields: [&'static str; 2], step_s: T) -> Result<(), ConfigError> {
+        positive(fields[0], self.sigma)?;
+        positive(fields[1], self.tau_s)?;
+        if self.tau_s * real(3.0) > step_s {
+            Ok(())
+        } else {
+            Err(ConfigError::new(fields[1], Problem::OutOfRange))
+        }
+    }
 }
 
 /// The single channel and what is believed of its noise.
@@ -27,10 +66,51 @@ pub struct FilterConfig<T> {
     pub velocity_noise: T,
     /// 1-σ of the velocity error at the start, m/s.
     pub initial_velocity_sigma: T,
-    /// 1-σ of the vertical error at the start, rad.
+    /// 1-σ of the error of the vertical at the start, rad.
     pub initial_vertical_sigma: T,
     /// An innovation beyond this many of its standard deviations is not used.
     pub gate_sigma: T,
+}
+
+impl<T: RealField + Copy> FilterConfig<T> {
+    /// Whether the filter can be built from this.
+    ///
+    /// # Errors
+    /// The first field that cannot be flown: everything must be finite and positive, and τ longer than a
+    /// third of the step.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        positive("filter.radius_m", self.radius_m)?;
+        positive("filter.gravity", self.gravity)?;
+        positive("filter.step_s", self.step_s)?;
+        let accelerometer = ["filter.accelerometer.sigma", "filter.accelerometer.tau_s"];
+        self.accelerometer.check(accelerometer, self.step_s)?;
+        self.gyro.check(["filter.gyro.sigma", "filter.gyro.tau_s"], self.step_s)?;
+        positive("filter.velocity_noise", self.velocity_noise)?;
+        positive("filter.initial_velocity_sigma", self.initial_velocity_sigma)?;
+        positive("filter.initial_vertical_sigma", self.initial_vertical_sigma)?;
+        positive("filter.gate_sigma", self.gate_sigma)
+    }
+
+    /// The exact model over `step_s` seconds with the given noise.
+    pub fn model(
+        &self,
+        accelerometer: &MarkovNoise<T>,
+        gyro: &MarkovNoise<T>,
+        step_s: T,
+    ) -> DiscreteModel<T> {
+        DiscreteModel::exact(self.radius_m, self.gravity, accelerometer, gyro, step_s)
+    }
+
+    /// What is believed before the first measurement: x₀ = 0, P₀ = diag(σ_V², σ_δ², σ_a², σ_w²).
+    pub fn prior(&self) -> Gaussian<T> {
+        let sigma = [
+            self.initial_velocity_sigma,
+            self.initial_vertical_sigma,
+            self.accelerometer.sigma,
+            self.gyro.sigma,
+        ];
+        Gaussian::independent([T::zero(); 4], sigma)
+    }
 }
 
 /// What the filter says each step. Order of the states: ΔV (m/s), δ (rad), a (m/s²), ω (rad/s).
@@ -46,4 +126,140 @@ pub struct FilterOutput<T> {
     pub innovation_variance: T,
     /// Normalised innovation squared ν²/S; zero when there was no measurement.
     pub nis: T,
+}
+
+/// What became of the measurement, and of the filter, in one step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FilterStep<T> {
+    /// Innovation; its value is zero when there was no measurement.
+    pub innovation: Innovation<T>,
+    /// There was a measurement, but beyond the gate: it was not used.
+    pub gated: bool,
+    /// So many measurements in a row were beyond the gate that the filter must be wrong, not they: the velocity
+    /// was taken from the measurement and everything else made ten times as uncertain.
+    pub reacquired: bool,
+    /// The covariance had lost its positive diagonal, or a number was not finite: the covariance was set back to
+    /// the prior, and so was a mean that was not finite.
+    pub reset: bool,
+}
+
+/// Measurements in a row beyond the gate after which the filter starts from the measurement.
+pub const GATED_IN_A_ROW: u32 = 10;
+
+/// Standard deviations are multiplied by this when the filter starts from the measurement.
+const REACQUISITION: f64 = 10.0;
+
+/// The error filter: over four states, or over six where a sensor's noise is exponential-cosine.
+#[derive(Clone, Copy, Debug)]
+pub struct ErrorFilter<T: RealField + Copy, K: Kernel<T> = Gaussian<T>> {
+    model: K::Model,
+    state: K,
+    /// Where a reset goes back to.
+    prior: K,
+    measurement_variance: T,
+    gate_squared: T,
+    gated_in_a_row: u32,
+}
+
+impl<T: RealField + Copy> ErrorFilter<T> {
+    /// Checks the configuration and builds the four-state filter.
+    ///
+    /// # Errors
+    /// The first field that cannot be flown.
+    pub fn try_build(config: &FilterConfig<T>) -> Result<Self, ConfigError> {
+        config.validate()?;
+        let model = config.model(&config.accelerometer, &config.gyro, config.step_s);
+        Ok(Self::with_model(config, model, config.prior()))
+    }
+}
+
+impl<T: RealField + Copy, K: Kernel<T>> ErrorFilter<T, K> {
+    /// A filter over a given model, starting from `prior`. The configuration must have been validated.
+    pub fn with_model(config: &FilterConfig<T>, model: K::Model, prior: K) -> Self {
+        Self {
+            model,
+            state: prior,
+            prior,
+            measurement_variance: config.velocity_noise * config.velocity_noise,
+            gate_squared: config.gate_sigma * config.gate_sigma,
+            gated_in_a_row: 0,
+        }
+    }
+
+    /// One step: predict, then correct by the measured velocity error (m/s) if there is one.
+    ///
+    /// Never panics; the work is the same with, without and with a gated measurement.
+    #[inline]
+    pub fn step(&mut self, velocity_error: Option<T>) -> FilterStep<T> {
+        self.state.predict(&self.model);
+        let velocity = velocity_error.unwrap_or(self.state.mean()[0]);
+        let innovation = self.state.innovation(velocity, self.measurement_variance);
+        let value = innovation.value;
+        let inside = value * value <= self.gate_squared * innovation.variance;
+        let present = velocity_error.is_some();
+        self.state.correct(&innovation, present && inside);
+        let gated = present && !inside;
+        let in_a_row = self.gated_in_a_row + u32::from(gated);
+        let reacquired = gated && in_a_row >= GATED_IN_A_ROW && velocity.is_finite();
+        self.gated_in_a_row = if reacquired || (present && inside) { 0 } else { in_a_row };
+        if reacquired {
+            self.reacquire(velocity);
+        }
+        let reset = !self.state.is_sound();
+        if reset {
+            let finite = self.state.mean().iter().all(ComplexField::is_finite);
+            self.state = if finite { self.prior.with_mean_of(&self.state) } else { self.prior };
+        }
+        FilterStep { innovation, gated, reacquired, reset }
+    }
+
+    /// Goes on without measurement over the interval of `model`.
+    pub fn coast(&mut self, model: &K::Model) {
+        self.state.predict(model);
+    }
+
+    /// Starts from a velocity error (m/s), with everything else as it is but ten times as uncertain.
+    pub fn reacquire(&mut self, velocity_error: T) {
+        let sigma = self.measurement_variance.sqrt();
+        self.state = self.state.spread_out(velocity_error, sigma, real(REACQUISITION));
+    }
+
+    /// Takes a new model and the prior that goes with it; the state stays.
+    pub fn retune(&mut self, model: K::Model, prior: K) {
+        self.model = model;
+        self.prior = prior;
+    }
+
+    /// Takes a state that was computed elsewhere, such as by a replay with other noise parameters.
+    pub fn set_state(&mut self, state: &K) {
+        self.state = *state;
+    }
+
+    /// Mean and covariance.
+    #[inline]
+    pub fn state(&self) -> &K {
+        &self.state
+    }
+
+    /// The step's figures in the form of the output.
+    pub fn output(&self, step: &FilterStep<T>) -> FilterOutput<T> {
+        FilterOutput {
+            estimate: self.state.mean(),
+            sigma: self.state.variances().map(ComplexField::sqrt),
+            innovation: step.innovation.value,
+            innovation_variance: step.innovation.variance,
+            nis: step.innovation.nis(),
+        }
+    }
+}
+
+/// Finite and greater than zero.
+pub(crate) fn positive<T: RealField + Copy>(field: &'static str, value: T) -> Result<(), ConfigError> {
+    if !value.is_finite() {
+        Err(ConfigError::new(field, Problem::NotFinite))
+    } else if value > T::zero() {
+        Ok(())
+    } else {
+        Err(ConfigError::new(field, Problem::NotPositive))
+    }
 }

@@ -1,0 +1,325 @@
+//! The channel when the noise of its sensors is exponential-cosine: two more states.
+//!
+//! State x = [ΔV (m/s), δ (rad), a, a', ω, ω']: each sensor's error is the first component of a damped rotation
+//!
+//! ```text
+//! (s, s')' = [−α −β; β −α] (s, s') + σ √(2α) (n, n')        R(t) = σ² e^(−α|t|) cos βt   [FIL-16]
+//! ```
+//!
+//! driven by two independent white noises, which keeps the stationary covariance σ²I and the discretisation
+//! free of cancellation. With β = 0 it is the first-order process, and the second component is idle.
+
+use nalgebra::RealField;
+use serde::{Deserialize, Serialize};
+
+use super::kernel::{Innovation, Kernel};
+use super::model::{DOUBLINGS, QUADRATURE, TERMS};
+use super::{FilterConfig, MarkovNoise};
+use crate::number::real;
+
+const STATES: usize = 6;
+
+/// R(t) = σ² e^(−α|t|) cos βt.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ColouredNoise<T> {
+    /// Standard deviation σ, in the state's unit (m/s² for the accelerometer, rad/s for the gyro).
+    pub sigma: T,
+    /// Rate of decay α, 1/s.
+    pub alpha: T,
+    /// Angular frequency β, rad/s; zero for a first-order process.
+    pub beta: T,
+}
+
+impl<T: RealField + Copy> ColouredNoise<T> {
+    /// Level 2ασ² of each of the two white noises.
+    fn spectral_level(&self) -> T {
+        real::<T>(2.0) * self.alpha * self.sigma * self.sigma
+    }
+}
+
+impl<T: RealField + Copy> From<&MarkovNoise<T>> for ColouredNoise<T> {
+    fn from(noise: &MarkovNoise<T>) -> Self {
+        Self { sigma: noise.sigma, alpha: noise.tau_s.recip(), beta: T::zero() }
+    }
+}
+
+/// x(k+1) = Φ x(k) + w(k), w ~ N(0, Q).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ColouredModel<T> {
+    /// Rows ΔV and δ of Φ.
+    loop_rows: [[T; STATES]; 2],
+    /// e^(−αΔ) cos βΔ and e^(−αΔ) sin βΔ of each sensor's rotation.
+    rotations: [[T; 2]; 2],
+    /// Q.
+    noise: [[T; STATES]; STATES],
+}
+
+impl<T: RealField + Copy> ColouredModel<T> {
+    /// Exact discretisation over `step_s` seconds, as for the four-state model.
+    pub fn exact(
+        config: &FilterConfig<T>,
+        accelerometer: &ColouredNoise<T>,
+        gyro: &ColouredNoise<T>,
+        step_s: T,
+    ) -> Self {
+        let short = step_s * real(1.0 / f64::from(1u32 << DOUBLINGS));
+        let sensors = [*accelerometer, *gyro];
+        let mut rows = [[T::zero(); STATES]; 2];
+        let mut noise = [[T::zero(); STATES]; STATES];
+        for column in 0..STATES {
+            let response = response(config, &sensors, column, short);
+            rows[0][column] = response[0];
+            rows[1][column] = response[1];
+        }
+        for (node, weight) in QUADRATURE {
+            for column in 2..STATES {
+                let c = response(config, &sensors, column, short * real(node));
+                let level = sensors[(column - 2) / 2].spectral_level() * short * real(weight);
+                for i in 0..STATES {
+                    for j in 0..STATES {
+                        noise[i][j] += level * c[i] * c[j];
+                    }
+                }
+            }
+        }
+        let rotations = sensors.map(|sensor| {
+            let decay = (-sensor.alpha * short).exp();
+            [decay * (sensor.beta * short).cos(), decay * (sensor.beta * short).sin()]
+        });
+        let mut model = Self { loop_rows: rows, rotations, noise };
+        for _ in 0..DOUBLINGS {
+            model = model.then(&model);
+        }
+        model
+    }
+
+    fn then(&self, next: &Self) -> Self {
+        let row = |r: &[T; STATES]| {
+            let mut out = [T::zero(); STATES];
+            for (i, x) in out.iter_mut().enumerate() {
+                *x = r[0] * self.loop_rows[0][i] + r[1] * self.loop_rows[1][i];
+            }
+            for (sensor, [c, s]) in self.rotations.iter().enumerate() {
+                let (first, second) = (2 + 2 * sensor, 3 + 2 * sensor);
+                out[first] += r[first] * *c + r[second] * *s;
+                out[second] += r[second] * *c - r[first] * *s;
+            }
+            out
+        };
+        let turned = |[c1, s1]: [T; 2], [c2, s2]: [T; 2]| [c1 * c2 - s1 * s2, s1 * c2 + c1 * s2];
+        let mut carried = ColouredGaussian { mean: [T::zero(); STATES], covariance: self.noise };
+        carried.predict(next);
+        Self {
+            loop_rows: [row(&next.loop_rows[0]), row(&next.loop_rows[1])],
+            rotations: [
+                turned(self.rotations[0], next.rotations[0]),
+                turned(self.rotations[1], next.rotations[1]),
+            ],
+            noise: carried.covariance,
+        }
+    }
+
+    /// Φ x.
+    #[inline]
+    fn transition(&self, x: &[T; STATES]) -> [T; STATES] {
+        let mut out = [T::zero(); STATES];
+        for (row, out) in self.loop_rows.iter().zip(&mut out) {
+            for (f, x) in row.iter().zip(x) {
+                *out += *f * *x;
+            }
+        }
+        for (sensor, [c, s]) in self.rotations.iter().enumerate() {
+            let (first, second) = (2 + 2 * sensor, 3 + 2 * sensor);
+            out[first] = *c * x[first] - *s * x[second];
+            out[second] = *s * x[first] + *c * x[second];
+        }
+        out
+    }
+}
+
+/// e^(F s) applied to a unit vector.
+fn response<T: RealField + Copy>(
+    config: &FilterConfig<T>,
+    sensors: &[ColouredNoise<T>; 2],
+    column: usize,
+    s: T,
+) -> [T; STATES] {
+    let mut term = [T::zero(); STATES];
+    for (i, x) in term.iter_mut().enumerate() {
+        *x = if i == column { T::one() } else { T::zero() };
+    }
+    let mut sum = term;
+    for k in 1..=TERMS {
+        let [v, d, a, a2, w, w2] = term;
+        let [sa, sw] = sensors;
+        let scale = s / real(f64::from(k));
+        term = [
+            scale * (a - config.gravity * d),
+            scale * (v / config.radius_m + w),
+            scale * (-sa.alpha * a - sa.beta * a2),
+            scale * (sa.beta * a - sa.alpha * a2),
+            scale * (-sw.alpha * w - sw.beta * w2),
+            scale * (sw.beta * w - sw.alpha * w2),
+        ];
+        for (sum, term) in sum.iter_mut().zip(term) {
+            *sum += term;
+        }
+    }
+    sum
+}
+
+/// A Gaussian over the six states.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ColouredGaussian<T> {
+    mean: [T; STATES],
+    covariance: [[T; STATES]; STATES],
+}
+
+impl<T: RealField + Copy> ColouredGaussian<T> {
+    /// Independent states: ΔV and δ as given (m/s, rad), the sensors' errors stationary.
+    pub fn stationary(
+        mean: [T; 2],
+        sigma: [T; 2],
+        accelerometer: &ColouredNoise<T>,
+        gyro: &ColouredNoise<T>,
+    ) -> Self {
+        let zero = T::zero();
+        let sigma = [sigma[0], sigma[1], accelerometer.sigma, accelerometer.sigma, gyro.sigma, gyro.sigma];
+        let mut covariance = [[zero; STATES]; STATES];
+        for (i, (row, sigma)) in covariance.iter_mut().zip(sigma).enumerate() {
+            row[i] = sigma * sigma;
+        }
+        Self { mean: [mean[0], mean[1], zero, zero, zero, zero], covariance }
+    }
+}
+
+impl<T: RealField + Copy> Kernel<T> for ColouredGaussian<T> {
+    type Model = ColouredModel<T>;
+
+    fn mean(&self) -> [T; 4] {
+        [self.mean[0], self.mean[1], self.mean[2], self.mean[4]]
+    }
+
+    fn variances(&self) -> [T; 4] {
+        let p = &self.covariance;
+        [p[0][0], p[1][1], p[2][2], p[4][4]]
+    }
+
+    fn predict(&mut self, model: &ColouredModel<T>) {
+        self.mean = model.transition(&self.mean);
+        // P is symmetric: the rows of P Φᵀ are Φ applied to the rows of P; once more over the columns gives
+        // Φ P Φᵀ.
+        let half = self.covariance.map(|row| model.transition(&row));
+        let mut columns = [[T::zero(); STATES]; STATES];
+        for (i, row) in half.iter().enumerate() {
+            for (column, x) in columns.iter_mut().zip(row) {
+                column[i] = *x;
+            }
+        }
+        let full = columns.map(|column| model.transition(&column));
+        for i in 0..STATES {
+            for j in i..STATES {
+                let p = full[i][j] + model.noise[i][j];
+                self.covariance[i][j] = p;
+                self.covariance[j][i] = p;
+            }
+        }
+    }
+
+    fn correct(&mut self, innovation: &Innovation<T>, used: bool) {
+        let first = self.covariance[0];
+        let inverse = if used { innovation.variance.recip() } else { T::zero() };
+        let value = if used { innovation.value } else { T::zero() };
+        let gain = first.map(|p| p * inverse);
+        for (x, k) in self.mean.iter_mut().zip(gain) {
+            *x += k * value;
+        }
+        // Joseph form, as for four states.
+        for i in 0..STATES {
+            let excess = gain[i] * innovation.variance - first[i];
+            for j in i..STATES {
+                let p = self.covariance[i][j] + gain[j] * excess - gain[i] * first[j];
+                self.covariance[i][j] = p;
+                self.covariance[j][i] = p;
+            }
+        }
+    }
+
+    fn is_sound(&self) -> bool {
+        let mut sum = T::zero();
+        let mut positive = true;
+        for (i, row) in self.covariance.iter().enumerate() {
+            positive = positive && row[i] > T::zero();
+            sum = row.iter().fold(sum, |sum, &x| sum + x * T::zero());
+        }
+        sum = self.mean.iter().fold(sum, |sum, &x| sum + x * T::zero());
+        positive && sum == T::zero()
+    }
+
+    fn spread_out(&self, velocity: T, velocity_sigma: T, factor: T) -> Self {
+        let mut spread = Self { mean: self.mean, covariance: [[T::zero(); STATES]; STATES] };
+        spread.mean[0] = velocity;
+        for (i, row) in spread.covariance.iter_mut().enumerate() {
+            row[i] = self.covariance[i][i] * factor * factor;
+        }
+        spread.covariance[0][0] = velocity_sigma * velocity_sigma;
+        spread
+    }
+
+    fn with_mean_of(&self, other: &Self) -> Self {
+        Self { mean: other.mean, covariance: self.covariance }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use super::*;
+    use crate::filter::{DiscreteModel, Gaussian};
+
+    const CONFIG: FilterConfig<f64> = FilterConfig {
+        radius_m: 6_371_000.0,
+        gravity: 9.80665,
+        step_s: 1.0,
+        accelerometer: MarkovNoise { sigma: 1e-3, tau_s: 60.0 },
+        gyro: MarkovNoise { sigma: 5e-7, tau_s: 1800.0 },
+        velocity_noise: 0.1,
+        initial_velocity_sigma: 0.1,
+        initial_vertical_sigma: 1e-4,
+        gate_sigma: 6.0,
+    };
+
+    #[test]
+    fn fil_16_rotation_and_driving_noise_keep_the_variance_and_give_the_autocorrelation() {
+        let noise = ColouredNoise { sigma: 1.0, alpha: 1.0 / 600.0, beta: core::f64::consts::TAU / 1800.0 };
+        let gyro = ColouredNoise::from(&CONFIG.gyro);
+        let model = ColouredModel::exact(&CONFIG, &noise, &gyro, 10.0);
+        let decay = (-10.0 * noise.alpha).exp();
+        assert!((model.rotations[0][0] - decay * (10.0 * noise.beta).cos()).abs() < 1e-14);
+        assert!((model.rotations[0][1] - decay * (10.0 * noise.beta).sin()).abs() < 1e-14);
+        assert!((model.noise[2][2] - (1.0 - decay * decay)).abs() < 1e-13);
+        assert!(model.noise[2][3].abs() < 1e-13);
+    }
+
+    #[test]
+    fn fil_16_without_frequency_is_the_four_state_filter() {
+        let four =
+            DiscreteModel::exact(CONFIG.radius_m, CONFIG.gravity, &CONFIG.accelerometer, &CONFIG.gyro, 10.0);
+        let (a, w) = (ColouredNoise::from(&CONFIG.accelerometer), ColouredNoise::from(&CONFIG.gyro));
+        let six = ColouredModel::exact(&CONFIG, &a, &w, 10.0);
+        let mut small = CONFIG.prior();
+        let mut large = ColouredGaussian::stationary([0.0; 2], [0.1, 1e-4], &a, &w);
+        for k in 0..500 {
+            let z = (f64::from(k) * 0.1).sin();
+            Gaussian::predict(&mut small, &four);
+            large.predict(&six);
+            let (i, j) = (small.innovation(z, 0.001), large.innovation(z, 0.001));
+            assert!((i.value - j.value).abs() < 1e-9 && (i.variance / j.variance - 1.0).abs() < 1e-9);
+            small.correct(&i, k % 3 != 0);
+            large.correct(&j, k % 3 != 0);
+        }
+        for (x, y) in small.variances().into_iter().zip(large.variances()) {
+            assert!((x / y - 1.0).abs() < 1e-9);
+        }
+    }
+}

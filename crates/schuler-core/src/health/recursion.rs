@@ -1,0 +1,241 @@
+//! The jump-Markov recursion: one Gaussian for each mode, merged to the exact first two moments after every
+//! residual (second-order generalised pseudo-Bayes, GPB2) [HLT-4], [HLT-5].
+//!
+//! The exact posterior of mode and state is a mixture of (2N)^k Gaussians. Merging the paths that lead to the
+//! same mode *after* the residual has weighed them keeps what tells a fresh jump from an old one; the
+//! interacting-multiple-model filter merges before and is overconfident for it.
+use core::array;
+
+use nalgebra::{ComplexField, RealField, convert};
+
+use super::conditional::{Conditional, JumpMotion, Prediction};
+use super::config::HealthConfig;
+use super::span::Span;
+
+/// Floor under the mode probabilities, so that every mode can recover.
+const PROBABILITY_FLOOR: f64 = 1e-9;
+/// A mode whose share of the posterior is below this merges its paths by their prior weights.
+const NEGLIGIBLE_SHARE: f64 = 1e-30;
+
+/// A quantity for each mode: first index λ (jump absent, present), second index the level of noise.
+pub(super) type PerMode<Q, const LEVELS: usize> = [[Q; LEVELS]; 2];
+
+/// Probabilities and Gaussians of all modes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Recursion<T, const LEVELS: usize> {
+    /// w(r), mode probabilities.
+    pub(super) weights: PerMode<T, LEVELS>,
+    /// X given the mode.
+    pub(super) conditionals: PerMode<Conditional<T>, LEVELS>,
+    /// `γ_m²`, (m/s)².
+    jump_variance: T,
+    /// `Rq`, (m/s)².
+    residual_variance: T,
+    /// Square of the out-of-model gate, in standard deviations.
+    gate_squared: T,
+}
+
+/// What a residual told.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Evidence<T> {
+    /// Residual minus its prediction over all modes, m/s; zero if there was none.
+    pub(super) innovation: T,
+    /// Variance of the residual's prediction over all modes, (m/s)².
+    pub(super) variance: T,
+    /// Natural logarithm of the residual's predictive density, density in 1/(m/s); zero if it was not used.
+    pub(super) log_likelihood: T,
+    /// The residual was beyond the gate of every mode and was not used.
+    pub(super) out_of_model: bool,
+}
+
+/// The paths from one mode i to all levels of noise under one λ. They share the prediction.
+#[derive(Clone, Copy)]
+struct Fan<T, const LEVELS: usize> {
+    prediction: Prediction<T>,
+    /// v = d − H X, m/s.
+    innovation: T,
+    paths: [Path<T>; LEVELS],
+}
+
+/// The path from one mode i to one mode r.
+#[derive(Clone, Copy)]
+struct Path<T> {
+    /// w(i) Π(i, r).
+    prior: T,
+    /// Variance that the radio's noise adds to ε on the way, (m/s)².
+    level_noise: T,
+    /// 1/S, S the variance of the residual's prediction, 1/(m/s)².
+    inverse_variance: T,
+    /// v²/S.
+    q: T,
+    /// W(i, r), not normalised.
+    posterior: T,
+}
+
+impl<T: RealField + Copy, const LEVELS: usize> Recursion<T, LEVELS> {
+    /// The priors of a validated configuration.
+    pub(super) fn new(config: &HealthConfig<T, LEVELS>) -> Self {
+        let square = |x: T| x * x;
+        let jump_variance = square(config.jump.sigma);
+        let weights = config.jump.initial.map(|jump| config.radio.initial.map(|level| jump * level));
+        Self {
+            weights: floored(weights),
+            conditionals: [T::zero(), jump_variance].map(|jump| {
+                config.radio.sigma.map(|sigma| {
+                    Conditional::independent([
+                        square(sigma),
+                        square(config.inertial.initial_sigma),
+                        jump,
+                        square(config.inertial.drift_sigma),
+                    ])
+                })
+            }),
+            jump_variance,
+            residual_variance: square(config.residual_sigma),
+            gate_squared: square(config.out_of_model_sigma),
+        }
+    }
+
+    /// Probabilities and Gaussians after `span` and, if it is `present`, the residual d, m/s [HLT-5]. The work is
+    /// the same with and without a residual.
+    pub(super) fn after(&self, span: &Span<T, LEVELS>, residual: T, present: bool) -> (Self, Evidence<T>) {
+        let d = if present { residual } else { T::zero() };
+        let mut fans: [PerMode<_, LEVELS>; 2] = array::from_fn(|to| self.fans(span, d, to));
+
+        // Likelihoods relative to the best path's, so that they cannot all vanish.
+        let limit = T::max_value().unwrap_or(self.gate_squared);
+        let better = |q: T, path: &Path<T>| if path.prior > T::zero() && path.q < q { path.q } else { q };
+        let best = fans.iter().flatten().flatten().flat_map(|fan| &fan.paths).fold(limit, better);
+        let out_of_model = present && (best > self.gate_squared);
+        let usable = present && !out_of_model;
+        let half = convert::<f64, T>(0.5);
+        let mut total = T::zero();
+        for path in fans.iter_mut().flatten().flatten().flat_map(|fan| &mut fan.paths) {
+            let worse = if path.q > best { path.q - best } else { T::zero() };
+            let fit = (-half * worse).exp() * path.inverse_variance.sqrt();
+            path.posterior = path.prior * if usable { fit } else { T::one() };
+            total += path.posterior;
+        }
+
+        let per_total = T::one() / total;
+        let mut after = *self;
+        for ((fans, weights), conditionals) in
+            fans.iter().zip(&mut after.weights).zip(&mut after.conditionals)
+        {
+            for (level, (weight, conditional)) in weights.iter_mut().zip(conditionals).enumerate() {
+                (*weight, *conditional) = merge(fans, level, per_total, usable);
+            }
+        }
+        after.weights = floored(after.weights);
+
+        let (predicted, variance) = residual_prediction(&fans);
+        let log_likelihood = total.ln() - half * (best + T::two_pi().ln());
+        let evidence = Evidence {
+            innovation: if present { d - predicted } else { T::zero() },
+            variance,
+            log_likelihood: if usable { log_likelihood } else { T::zero() },
+            out_of_model,
+        };
+        (after, evidence)
+    }
+
+    /// First two moments of X over all modes.
+    pub(super) fn over_modes(&self) -> Conditional<T> {
+        let components: PerMode<_, LEVELS> = array::from_fn(|jump| {
+            array::from_fn(|level| (self.weights[jump][level], self.conditionals[jump][level]))
+        });
+        Conditional::merged(components.as_flattened())
+    }
+
+    /// False if a number is NaN or infinite or a variance is negative.
+    pub(super) fn is_sound(&self) -> bool {
+        let weights = self.weights.iter().flatten().all(ComplexField::is_finite);
+        weights && self.conditionals.iter().flatten().all(Conditional::is_sound)
+    }
+
+    /// Step 1 and the variances of step 2 [HLT-5]: all modes predicted to λ = `to`.
+    fn fans(&self, span: &Span<T, LEVELS>, d: T, to: usize) -> PerMode<Fan<T, LEVELS>, LEVELS> {
+        let lambda = if to == 1 { T::one() } else { T::zero() };
+        array::from_fn(|from| {
+            let jump = JumpMotion {
+                kept: if from & to == 1 { span.unbroken } else { T::zero() },
+                fresh_variance: if to == 1 { self.jump_variance } else { T::zero() },
+            };
+            array::from_fn(|from_level| {
+                let conditional = &self.conditionals[from][from_level];
+                let prediction = conditional.predict(span, jump, lambda, self.residual_variance);
+                let weight = self.weights[from][from_level] * span.jump_transition[from][to];
+                let innovation = d - prediction.residual;
+                let paths = array::from_fn(|to_level| {
+                    let level_noise = span.level_noise[from_level][to_level];
+                    let inverse_variance = T::one() / (prediction.variance + level_noise);
+                    Path {
+                        prior: weight * span.level_transition[from_level][to_level],
+                        level_noise,
+                        inverse_variance,
+                        q: innovation * innovation * inverse_variance,
+                        posterior: T::zero(),
+                    }
+                });
+                Fan { prediction, innovation, paths }
+            })
+        })
+    }
+}
+
+/// Steps 2 to 4 [HLT-5] for one mode r: updates the paths to it and merges them to their first two moments.
+/// Returns the mode's share of the posterior and its Gaussian.
+fn merge<T: RealField + Copy, const LEVELS: usize>(
+    fans: &PerMode<Fan<T, LEVELS>, LEVELS>,
+    level: usize,
+    per_total: T,
+    usable: bool,
+) -> (T, Conditional<T>) {
+    let mut share = T::zero();
+    let mut prior = T::zero();
+    for fan in fans.iter().flatten() {
+        share += fan.paths[level].posterior * per_total;
+        prior += fan.paths[level].prior;
+    }
+    let negligible = share < convert(NEGLIGIBLE_SHARE);
+    let scale = T::one() / if negligible { prior } else { share };
+    let components: PerMode<_, LEVELS> = array::from_fn(|from| {
+        array::from_fn(|from_level| {
+            let fan = &fans[from][from_level];
+            let path = &fan.paths[level];
+            let weight = scale * if negligible { path.prior } else { path.posterior * per_total };
+            let precision = if usable { path.inverse_variance } else { T::zero() };
+            (weight, fan.prediction.update(path.level_noise, precision, fan.innovation))
+        })
+    });
+    (share, Conditional::merged(components.as_flattened()))
+}
+
+/// Mean and variance of the residual's prediction over all paths.
+fn residual_prediction<T: RealField + Copy, const LEVELS: usize>(
+    fans: &[PerMode<Fan<T, LEVELS>, LEVELS>; 2],
+) -> (T, T) {
+    let fans = || fans.iter().flatten().flatten();
+    let mut mean = T::zero();
+    for fan in fans() {
+        for path in &fan.paths {
+            mean += path.prior * fan.prediction.residual;
+        }
+    }
+    let mut variance = T::zero();
+    for fan in fans() {
+        let spread = fan.prediction.residual - mean;
+        for path in &fan.paths {
+            variance += path.prior * (fan.prediction.variance + path.level_noise + spread * spread);
+        }
+    }
+    (mean, variance)
+}
+
+/// Step 5 [HLT-5]: nothing below the floor, sum one.
+fn floored<T: RealField + Copy, const LEVELS: usize>(weights: PerMode<T, LEVELS>) -> PerMode<T, LEVELS> {
+    let floor = convert(PROBABILITY_FLOOR);
+    let raised = weights.map(|row| row.map(|weight| if weight > floor { weight } else { floor }));
+    let total = raised.iter().flatten().fold(T::zero(), |sum, &weight| sum + weight);
+    raised.map(|row| row.map(|weight| weight / total))
+}

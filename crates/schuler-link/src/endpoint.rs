@@ -1,0 +1,639 @@
+//! The module's side of the conversation.
+//!
+//! **Each command at most once.** A step must not run twice because its answer was lost, nor may a late copy of an
+//! old frame run at all: the filter would propagate a second that never passed. Commands bear running numbers
+//! (modulo 2³²), and the endpoint keeps the number, the checksum and the answer of the last one:
+//!
+//! | number of the command, against the last | what happens |
+//! | --- | --- |
+//! | ahead, by less than 2³¹ | carried out; a jump is a lost frame, which the module sees in the times of its inputs |
+//! | the same, and the same checksum | not carried out again: the stored answer is sent once more |
+//! | the same, another checksum | [`Refusal::Conflict`] |
+//! | behind | [`Refusal::Stale`] |
+//!
+//! So a host that hears nothing sends the same frame again until it hears the answer, and each of its steps has
+//! then been run exactly once. A host that has just started asks [`HostMessage::Hello`] and goes on from
+//! [`Banner::last_sequence`]. After a reset any number is accepted, but steps are refused until a configuration comes:
+//! a module that lost its state says so instead of flying on with defaults.
+//!
+//! **Pace.** At the host's pace each input is a step. At the clock's pace the endpoint runs one step a period with
+//! the newest input; where none has come it runs the step with missing readings, and where the module is not back
+//! in time it says so ([`Tick::overrun`], [`Tick::skipped`]). It holds no clock: times are microseconds since start,
+//! from the caller.
+use schuler_core::module::{FlightModule, StepInput};
+
+use crate::frame::{Decoder, Frame, FrameError, Wire};
+use crate::message::{
+    Banner, Counters, HostMessage, Identity, ModuleMessage, Pace, Refusal, Tick, Transport,
+};
+
+/// Longest period of the clock's pace, ms.
+const MAX_PERIOD_MS: u32 = 60_000;
+
+/// What is to be done after a byte has been taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reaction<'a> {
+    /// Nothing.
+    None,
+    /// Send these bytes.
+    Send(&'a [u8]),
+    /// Reset the processor.
+    Reset,
+}
+
+/// The module's side of the link. Fixed memory; never panics.
+#[derive(Debug)]
+pub struct Endpoint {
+    identity: Identity,
+    decoder: Decoder,
+    last: Option<Accepted>,
+    /// Answer to the last command; empty while there is none.
+    answer: Wire,
+    /// Frame of a question, a refusal or a tick.
+    passing: Wire,
+    configured: bool,
+    /// Time of the last step, as the module was told: the base for a step without input, milliseconds.
+    time_ms: u64,
+    clock: Option<ClockPace>,
+    counters: Counters,
+}
+
+/// The last command accepted.
+#[derive(Clone, Copy, Debug)]
+struct Accepted {
+    sequence: u32,
+    checksum: u32,
+}
+
+/// The clock's pace.
+#[derive(Clone, Copy, Debug)]
+struct ClockPace {
+    period_ms: u32,
+    /// When the next tick is due.
+    due_us: u64,
+    /// The newest input since the last tick.
+    input: Option<StepInput>,
+}
+
+impl Endpoint {
+    /// An endpoint that has heard nothing yet; a constant, so that it can live in a static.
+    pub const fn new(identity: Identity) -> Self {
+        Self {
+            identity,
+            decoder: Decoder::new(),
+            last: None,
+            answer: Wire::new(),
+            passing: Wire::new(),
+            configured: false,
+            time_ms: 0,
+            clock: None,
+            counters: Counters::NONE,
+        }
+    }
+
+    /// Says who is there and why; known only after the start.
+    pub fn identify(&mut self, identity: Identity) {
+        self.identity = identity;
+    }
+
+    /// The frame to be sent once after a start, when the line is up.
+    pub fn banner(&mut self) -> &[u8] {
+        let message = self.banner_message();
+        write(&mut self.passing, 0, &message);
+        self.passing.as_bytes()
+    }
+
+    /// Takes the next byte from the line. `now_us` reads the clock.
+    pub fn receive(
+        &mut self,
+        byte: u8,
+        module: &mut FlightModule,
+        now_us: impl FnMut() -> u64,
+    ) -> Reaction<'_> {
+        match self.decoder.push::<HostMessage>(byte) {
+            Some(Ok(frame)) => self.take(&frame, module, now_us),
+            // A host of another version is to learn whom it speaks to; everything else may be noise, and gets no answer.
+            Some(Err(FrameError::Version(_))) => Reaction::Send(self.banner()),
+            Some(Err(_)) | None => Reaction::None,
+        }
+    }
+
+    /// At the clock's pace, runs the step that is due. Call often; `Some` is the frame to be sent.
+    pub fn tick(&mut self, module: &mut FlightModule, mut now_us: impl FnMut() -> u64) -> Option<&[u8]> {
+        let pace = self.clock.as_mut()?;
+        let begin_us = now_us();
+        let late_us = begin_us.checked_sub(pace.due_us)?;
+        let period_us = u64::from(pace.period_ms) * 1000;
+        let skipped = late_us.checked_div(period_us)?;
+        let due_us = pace.due_us + skipped * period_us;
+        pace.due_us = due_us + period_us;
+
+        let fresh = pace.input.is_some();
+        let input = pace.input.take().unwrap_or_else(|| {
+            let passed_ms = (1 + skipped) * u64::from(pace.period_ms);
+            StepInput::without_readings(self.time_ms.saturating_add(passed_ms))
+        });
+        self.time_ms = input.time_ms;
+        let next_us = pace.due_us;
+
+        let output = module.step(&input);
+        let end_us = now_us();
+        let overrun = end_us >= next_us;
+        let step_us = clip(end_us.saturating_sub(begin_us));
+        let skipped = clip(skipped);
+        self.count_step(step_us);
+        let counters = &mut self.counters;
+        counters.missing_inputs = counters.missing_inputs.saturating_add(u32::from(!fresh));
+        counters.overruns = counters.overruns.saturating_add(u32::from(overrun));
+        counters.skipped_ticks = counters.skipped_ticks.saturating_add(skipped);
+
+        let late_us = clip(begin_us.saturating_sub(due_us));
+        let tick = Tick { output, fresh, skipped, overrun, due_us, late_us, step_us };
+        let sequence = self.last.map_or(0, |last| last.sequence);
+        write(&mut self.passing, sequence, &ModuleMessage::Tick(tick));
+        Some(self.passing.as_bytes())
+    }
+
+    /// Bytes were lost on the way from the line to [`receive`](Self::receive).
+    pub fn count_lost_bytes(&mut self, bytes: u32) {
+        self.counters.lost_bytes = self.counters.lost_bytes.saturating_add(bytes);
+    }
+
+    /// How it has gone.
+    pub fn counters(&self) -> Counters {
+        Counters { refused: self.decoder.refused(), ..self.counters }
+    }
+
+    /// What makes the module take a step.
+    pub fn pace(&self) -> Pace {
+        self.clock.as_ref().map_or(Pace::Host, |clock| Pace::Clock { period_ms: clock.period_ms })
+    }
+
+    fn take(
+        &mut self,
+        frame: &Frame<HostMessage>,
+        module: &mut FlightModule,
+        now_us: impl FnMut() -> u64,
+    ) -> Reaction<'_> {
+        let Frame { sequence, checksum, message } = frame;
+        self.counters.frames = self.counters.frames.saturating_add(1);
+        match message {
+            HostMessage::Hello => return self.pass(*sequence, &self.banner_message()),
+            HostMessage::Counters => return self.pass(*sequence, &ModuleMessage::Counters(self.counters())),
+            _ => (),
+        }
+        if let Some(last) = self.last {
+            match sequence.wrapping_sub(last.sequence) {
+                0 if *checksum == last.checksum => {
+                    self.counters.repeated = self.counters.repeated.saturating_add(1);
+                    return send(&self.answer);
+                }
+                0 => {
+                    self.counters.conflicts = self.counters.conflicts.saturating_add(1);
+                    return self.pass(*sequence, &ModuleMessage::Refused(Refusal::Conflict));
+                }
+                1..0x8000_0000 => (),
+                _ => {
+                    self.counters.stale = self.counters.stale.saturating_add(1);
+                    let refusal = Refusal::Stale { last_sequence: last.sequence };
+                    return self.pass(*sequence, &ModuleMessage::Refused(refusal));
+                }
+            }
+        }
+        self.last = Some(Accepted { sequence: *sequence, checksum: *checksum });
+        self.answer.clear();
+        if let HostMessage::Reset = message {
+            return Reaction::Reset;
+        }
+        if let Some(answer) = self.carry_out(message, module, now_us) {
+            write(&mut self.answer, *sequence, &answer);
+        }
+        send(&self.answer)
+    }
+
+    /// Carries out a command; `None` for an input that waits for its tick.
+    fn carry_out(
+        &mut self,
+        message: &HostMessage,
+        module: &mut FlightModule,
+        mut now_us: impl FnMut() -> u64,
+    ) -> Option<ModuleMessage> {
+        Some(match message {
+            HostMessage::Configure(config) => match module.configure(config) {
+                Ok(()) => {
+                    self.configured = true;
+                    self.time_ms = 0;
+                    self.clock = None;
+                    self.counters.configurations = self.counters.configurations.saturating_add(1);
+                    ModuleMessage::Configured
+                }
+                Err(error) => ModuleMessage::Refused(error.into()),
+            },
+            HostMessage::Step(_) | HostMessage::SetPace(_) if !self.configured => {
+                ModuleMessage::Refused(Refusal::NotConfigured)
+            }
+            HostMessage::Step(input) => {
+                if let Some(clock) = &mut self.clock {
+                    let superseded = clock.input.replace(*input).is_some();
+                    self.counters.superseded_inputs =
+                        self.counters.superseded_inputs.saturating_add(u32::from(superseded));
+                    return None;
+                }
+                self.time_ms = input.time_ms;
+                let begin_us = now_us();
+                let output = module.step(input);
+                self.count_step(clip(now_us().saturating_sub(begin_us)));
+                ModuleMessage::Output(output)
+            }
+            HostMessage::SetPace(pace) => self.set_pace(*pace, now_us()),
+            HostMessage::Hello | HostMessage::Counters | HostMessage::Reset => return None,
+        })
+    }
+
+    fn set_pace(&mut self, pace: Pace, now_us: u64) -> ModuleMessage {
+        self.clock = match pace {
+            Pace::Host => None,
+            Pace::Clock { period_ms } => {
+                let possible = self.identity.transport != Transport::Semihosting;
+                if !(possible && (1..=MAX_PERIOD_MS).contains(&period_ms)) {
+                    return ModuleMessage::Refused(Refusal::Pace);
+                }
+                let due_us = now_us.saturating_add(u64::from(period_ms) * 1000);
+                Some(ClockPace { period_ms, due_us, input: None })
+            }
+        };
+        ModuleMessage::PaceSet(pace)
+    }
+
+    /// A frame that is not kept.
+    fn pass(&mut self, sequence: u32, message: &ModuleMessage) -> Reaction<'_> {
+        write(&mut self.passing, sequence, message);
+        send(&self.passing)
+    }
+
+    fn banner_message(&self) -> ModuleMessage {
+        ModuleMessage::Banner(Banner {
+            last_sequence: self.last.map(|last| last.sequence),
+            configured: self.configured,
+            ..Banner::new(self.identity)
+        })
+    }
+
+    fn count_step(&mut self, step_us: u32) {
+        self.counters.steps = self.counters.steps.saturating_add(1);
+        self.counters.longest_step_us = self.counters.longest_step_us.max(step_us);
+    }
+}
+
+fn send(wire: &Wire) -> Reaction<'_> {
+    match wire.as_bytes() {
+        [] => Reaction::None,
+        frame => Reaction::Send(frame),
+    }
+}
+
+/// Writes the frame; where it does not fit, a frame that says so.
+fn write(wire: &mut Wire, sequence: u32, message: &ModuleMessage) {
+    if wire.encode(sequence, message).is_err() {
+        // A refusal is short: it fits.
+        let _ = wire.encode(sequence, &ModuleMessage::Refused(Refusal::AnswerTooLong));
+    }
+}
+
+fn clip(value: u64) -> u32 {
+    u32::try_from(value).unwrap_or(u32::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use core::cell::Cell;
+    use std::vec::Vec;
+
+    use proptest::prelude::*;
+    use schuler_core::config::{ConfigError, Problem};
+    use schuler_core::module::ModuleConfig;
+
+    use super::*;
+    use crate::frame::FrameError;
+    use crate::message::{Board, RefusedFrames, Start};
+
+    const IDENTITY: Identity =
+        Identity { board: Board::Host, transport: Transport::Memory, start: Start::PowerOn };
+
+    /// An endpoint with its module and a clock that is moved by hand.
+    struct Rig {
+        endpoint: Endpoint,
+        module: FlightModule,
+        now_us: Cell<u64>,
+        /// What reading the clock costs: the duration of a step.
+        tick_us: u64,
+    }
+
+    impl Rig {
+        fn new() -> Self {
+            Self {
+                endpoint: Endpoint::new(IDENTITY),
+                module: FlightModule::new(),
+                now_us: Cell::new(0),
+                tick_us: 0,
+            }
+        }
+
+        fn configured() -> Self {
+            let mut rig = Self::new();
+            let answer = rig.say(0, &HostMessage::Configure(ModuleConfig::default()));
+            assert_eq!(answer, Some(ModuleMessage::Configured));
+            rig
+        }
+
+        fn feed(&mut self, bytes: &[u8]) -> Vec<Frame<ModuleMessage>> {
+            let mut decoder = Decoder::new();
+            let mut answers = Vec::new();
+            for byte in bytes {
+                let now_us = || self.now_us.replace(self.now_us.get() + self.tick_us);
+                match self.endpoint.receive(*byte, &mut self.module, now_us) {
+                    Reaction::Send(wire) => {
+                        answers
+                            .extend(wire.iter().filter_map(|byte| decoder.push(*byte)).map(Result::unwrap));
+                    }
+                    Reaction::None => (),
+                    Reaction::Reset => *self = Self::new(),
+                }
+            }
+            answers
+        }
+
+        fn say(&mut self, sequence: u32, message: &HostMessage) -> Option<ModuleMessage> {
+            let mut answers = self.feed(wire(sequence, message).as_bytes());
+            assert!(answers.len() <= 1);
+            answers.pop().map(|frame| frame.message)
+        }
+
+        fn tick_at(&mut self, now_us: u64) -> Option<Tick> {
+            self.now_us.set(now_us);
+            let now_us = || self.now_us.replace(self.now_us.get() + self.tick_us);
+            let wire = self.endpoint.tick(&mut self.module, now_us)?;
+            let mut decoder = Decoder::new();
+            match wire.iter().find_map(|byte| decoder.push::<ModuleMessage>(*byte)).unwrap().unwrap().message
+            {
+                ModuleMessage::Tick(tick) => Some(tick),
+                other => panic!("{other:?}"),
+            }
+        }
+    }
+
+    fn wire(sequence: u32, message: &HostMessage) -> Wire {
+        let mut wire = Wire::new();
+        wire.encode(sequence, message).unwrap();
+        wire
+    }
+
+    fn step(time_ms: u64) -> HostMessage {
+        HostMessage::Step(StepInput::without_readings(time_ms))
+    }
+
+    fn steps(answer: Option<ModuleMessage>) -> u64 {
+        match answer {
+            Some(ModuleMessage::Output(output)) => output.step,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn a_repeated_step_gets_the_stored_answer() {
+        let mut rig = Rig::configured();
+        let first = rig.say(1, &step(1000));
+        assert_eq!(steps(first.clone()), 1);
+        for _ in 0..3 {
+            assert_eq!(rig.say(1, &step(1000)), first, "not run again");
+        }
+        // Questions in between do not disturb the stored answer.
+        rig.say(77, &HostMessage::Hello);
+        rig.say(78, &HostMessage::Counters);
+        assert_eq!(rig.say(1, &step(1000)), first);
+        assert_eq!(steps(rig.say(2, &step(2000))), 2);
+        let counters = rig.endpoint.counters();
+        assert_eq!((counters.steps, counters.repeated), (2, 4));
+    }
+
+    #[test]
+    fn a_late_copy_is_refused_and_a_gap_is_not() {
+        let mut rig = Rig::configured();
+        assert_eq!(steps(rig.say(1, &step(1000))), 1);
+        assert_eq!(steps(rig.say(5, &step(5000))), 2, "frames 2 to 4 were lost");
+        assert_eq!(
+            rig.say(4, &step(4000)),
+            Some(ModuleMessage::Refused(Refusal::Stale { last_sequence: 5 }))
+        );
+        let late = rig.say(0, &HostMessage::Configure(ModuleConfig::default()));
+        assert_eq!(
+            late,
+            Some(ModuleMessage::Refused(Refusal::Stale { last_sequence: 5 })),
+            "does not wipe the flight"
+        );
+        assert_eq!(rig.say(5, &step(5001)), Some(ModuleMessage::Refused(Refusal::Conflict)));
+        assert_eq!(steps(rig.say(6, &step(6000))), 3);
+        let counters = rig.endpoint.counters();
+        assert_eq!((counters.steps, counters.stale, counters.conflicts), (3, 2, 1));
+    }
+
+    #[test]
+    fn numbers_wrap() {
+        let mut rig = Rig::configured();
+        rig.say(0x7fff_0000, &step(1));
+        rig.say(0xf000_0000, &step(2));
+        rig.say(u32::MAX, &step(3));
+        assert_eq!(steps(rig.say(0, &step(4))), 4);
+    }
+
+    #[test]
+    fn a_refused_configuration_changes_nothing_and_names_the_field() {
+        let mut rig = Rig::new();
+        assert_eq!(rig.say(1, &step(1000)), Some(ModuleMessage::Refused(Refusal::NotConfigured)));
+        assert_eq!(
+            rig.say(2, &HostMessage::SetPace(Pace::Host)),
+            Some(ModuleMessage::Refused(Refusal::NotConfigured))
+        );
+        rig.say(3, &HostMessage::Configure(ModuleConfig::default()));
+        assert_eq!(steps(rig.say(4, &step(1000))), 1);
+        let mut config = ModuleConfig::default();
+        config.filter.step_s = -1.0;
+        let refusal = Refusal::Configuration {
+            field: "filter.step_s".try_into().unwrap(),
+            problem: "must be greater than zero".try_into().unwrap(),
+        };
+        assert_eq!(rig.say(5, &HostMessage::Configure(config)), Some(ModuleMessage::Refused(refusal)));
+        assert_eq!(steps(rig.say(6, &step(2000))), 2, "flies on");
+        let endless = "x".repeat(500).leak();
+        let Refusal::Configuration { field, .. } =
+            Refusal::from(ConfigError::new(endless, Problem::NotFinite))
+        else {
+            panic!()
+        };
+        assert_eq!(field.len(), 64, "clipped, not dropped");
+    }
+
+    #[test]
+    fn a_host_that_comes_back_learns_where_to_go_on() {
+        let mut rig = Rig::configured();
+        rig.say(41, &step(1000));
+        let Some(ModuleMessage::Banner(banner)) = rig.say(0, &HostMessage::Hello) else { panic!() };
+        assert_eq!((banner.last_sequence, banner.configured), (Some(41), true));
+        rig.say(42, &HostMessage::Reset);
+        let Some(ModuleMessage::Banner(banner)) = rig.say(0, &HostMessage::Hello) else { panic!() };
+        assert_eq!((banner.last_sequence, banner.configured), (None, false));
+    }
+
+    /// A frame of another version is answered with the banner, which bears the version of this side.
+    #[test]
+    fn another_version_learns_whom_it_speaks_to() {
+        let mut rig = Rig::new();
+        let crc = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
+        let body = [b'>', crate::PROTOCOL + 1, 0, 0, 0, 0, 0];
+        let mut line = [0; 32];
+        cobs::encode(&[&body[..], &crc.checksum(&body).to_le_bytes()].concat(), &mut line);
+        let answers = rig.feed(&line);
+        assert!(
+            matches!(&answers[0].message, ModuleMessage::Banner(banner) if banner.protocol == crate::PROTOCOL)
+        );
+        assert_eq!(rig.endpoint.counters().refused, RefusedFrames { version: 1, ..RefusedFrames::NONE });
+        let mut decoder = Decoder::new();
+        let refused: Vec<_> = line.iter().filter_map(|byte| decoder.push::<HostMessage>(*byte)).collect();
+        assert_eq!(refused, [Err(FrameError::Version(crate::PROTOCOL + 1))]);
+    }
+
+    #[test]
+    fn the_clock_runs_a_step_a_period() {
+        let mut rig = Rig::configured();
+        rig.tick_us = 300;
+        rig.say(1, &step(5000));
+        rig.now_us.set(0);
+        assert_eq!(
+            rig.say(2, &HostMessage::SetPace(Pace::Clock { period_ms: 0 })),
+            Some(ModuleMessage::Refused(Refusal::Pace))
+        );
+        rig.now_us.set(0);
+        let pace = Pace::Clock { period_ms: 1000 };
+        assert_eq!(rig.say(3, &HostMessage::SetPace(pace)), Some(ModuleMessage::PaceSet(pace)));
+        assert_eq!(rig.endpoint.pace(), pace);
+        assert_eq!(rig.tick_at(999_999), None);
+
+        // Nothing has come: a step with missing readings, one period after the last step.
+        let tick = rig.tick_at(1_000_000).unwrap();
+        assert_eq!((tick.fresh, tick.skipped, tick.overrun), (false, 0, false));
+        assert_eq!((tick.due_us, tick.late_us, tick.step_us), (1_000_000, 0, 300));
+        assert_eq!((tick.output.step, tick.output.time_ms), (2, 6000));
+        assert_eq!(rig.tick_at(1_000_001), None, "once a period");
+
+        // Two inputs: the newest counts. An input is not answered by itself.
+        assert_eq!(rig.say(4, &step(6999)), None);
+        assert_eq!(rig.say(5, &step(7003)), None);
+        assert_eq!(rig.say(5, &step(7003)), None, "a repetition is the same input");
+        let tick = rig.tick_at(2_000_400).unwrap();
+        assert_eq!((tick.fresh, tick.late_us, tick.output.time_ms), (true, 400, 7003));
+
+        // A step that takes too long, and the ticks that it eats.
+        rig.tick_us = 1_200_000;
+        assert!(rig.tick_at(3_000_000).unwrap().overrun);
+        rig.tick_us = 300;
+        let tick = rig.tick_at(6_500_000).unwrap();
+        assert_eq!((tick.skipped, tick.due_us, tick.late_us, tick.overrun), (2, 6_000_000, 500_000, false));
+        assert_eq!(tick.output.time_ms, 8003 + 3000, "the time of the skipped steps has passed");
+        assert_eq!(rig.tick_at(6_999_999), None);
+        assert!(rig.tick_at(7_000_000).is_some());
+
+        let counters = rig.endpoint.counters();
+        assert_eq!((counters.missing_inputs, counters.superseded_inputs), (4, 1));
+        assert_eq!((counters.overruns, counters.skipped_ticks, counters.longest_step_us), (1, 2, 1_200_000));
+
+        assert_eq!(rig.say(6, &HostMessage::SetPace(Pace::Host)), Some(ModuleMessage::PaceSet(Pace::Host)));
+        assert_eq!(rig.tick_at(90_000_000), None);
+        assert!(matches!(rig.say(7, &step(10_000)), Some(ModuleMessage::Output(_))));
+    }
+
+    #[test]
+    fn semihosting_has_no_clock_pace() {
+        let mut rig = Rig::configured();
+        rig.endpoint.identify(Identity { transport: Transport::Semihosting, ..IDENTITY });
+        assert_eq!(
+            rig.say(1, &HostMessage::SetPace(Pace::Clock { period_ms: 1000 })),
+            Some(ModuleMessage::Refused(Refusal::Pace))
+        );
+    }
+
+    #[derive(Clone, Copy, Debug)]
+    enum Fate {
+        Arrives,
+        IsLost,
+        IsDamaged(u16),
+        ComesTwice,
+        AnswerIsLost,
+        ComesAgainLater,
+    }
+
+    fn fate() -> impl Strategy<Value = Fate> {
+        prop_oneof![
+            4 => Just(Fate::Arrives),
+            1 => Just(Fate::IsLost),
+            1 => any::<u16>().prop_map(Fate::IsDamaged),
+            1 => Just(Fate::ComesTwice),
+            1 => Just(Fate::AnswerIsLost),
+            1 => Just(Fate::ComesAgainLater),
+        ]
+    }
+
+    proptest! {
+        /// A host that repeats a frame until it hears the answer: each step is run exactly once, in order, whatever the
+        /// line does to the attempts.
+        #[test]
+        fn every_step_is_run_exactly_once(fates in prop::collection::vec(fate(), 1..200)) {
+            let mut rig = Rig::configured();
+            let mut fates = fates.into_iter();
+            let mut delayed: Vec<Vec<u8>> = Vec::new();
+            let mut sequence = 0;
+            'steps: loop {
+                sequence += 1;
+                let frame = wire(sequence, &step(u64::from(sequence) * 1000));
+                loop {
+                    let Some(fate) = fates.next() else { break 'steps };
+                    let bytes = frame.as_bytes();
+                    let mut line = Vec::new();
+                    match fate {
+                        Fate::Arrives | Fate::AnswerIsLost => line.extend(bytes),
+                        Fate::IsLost => (),
+                        Fate::IsDamaged(at) => {
+                            line.extend(bytes);
+                            let at = usize::from(at) % line.len();
+                            line[at] ^= 0x41;
+                        }
+                        Fate::ComesTwice => line.extend([bytes, bytes].concat()),
+                        Fate::ComesAgainLater => {
+                            line.extend(bytes);
+                            delayed.push(bytes.to_vec());
+                        }
+                    }
+                    if !matches!(fate, Fate::ComesAgainLater) && let Some(old) = delayed.pop() {
+                        line.extend(old);
+                    }
+                    let answers = rig.feed(&line);
+                    let mine = answers.into_iter().filter(|answer| answer.sequence == sequence);
+                    let outputs: Vec<_> = mine.map(|answer| steps(Some(answer.message))).collect();
+                    prop_assert!(outputs.iter().all(|step| *step == u64::from(sequence)));
+                    if !outputs.is_empty() && !matches!(fate, Fate::AnswerIsLost) {
+                        break;
+                    }
+                }
+            }
+            prop_assert!(rig.endpoint.counters().steps <= sequence);
+        }
+
+        /// Arbitrary bytes, damaged or valid, never stop the endpoint.
+        #[test]
+        fn it_answers_after_anything(garbage in prop::collection::vec(any::<u8>(), 0..4000)) {
+            let mut rig = Rig::new();
+            rig.feed(&garbage);
+            prop_assert!(matches!(rig.say(1, &HostMessage::Hello), Some(ModuleMessage::Banner(_))));
+        }
+    }
+}

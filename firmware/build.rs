@@ -1,0 +1,25 @@
+//! Chooses the linker scripts of the board.
+use std::env;
+use std::path::Path;
+
+fn main() {
+    println!("cargo:rerun-if-changed=build.rs");
+    if env::var("CARGO_CFG_TARGET_OS").as_deref() != Ok("none") {
+        return;
+    }
+    let firmware = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let an386 = env::var_os("CARGO_FEATURE_MPS2_AN386").is_some();
+    // link.x of cortex-m-rt takes memory.x from the workspace's root: the map of the board that is flashed.
+    let layout = if an386 { "link-mps2-an386.x" } else { "link.x" };
+    for directory in [firmware, &firmware.join("..")] {
+        println!("cargo:rustc-link-search={}", directory.display());
+    }
+    // The stack first: the layout provides what is still undefined.
+    for script in ["stack.x", layout, "defmt.x"] {
+        println!("cargo:rustc-link-arg-bins=-T{script}");
+    }
+    println!("cargo:rustc-link-arg-bins=--nmagic");
+    for file in ["link-mps2-an386.x", "stack.x", "../memory.x"] {
+        println!("cargo:rerun-if-changed={file}");
+    }
+}

@@ -1,0 +1,610 @@
+//! The flight module on the emulated target, behind the same interface as the module in this process.
+//!
+//! [`Emulator::start`] builds the image, starts QEMU on it and waits for its banner. The line to the module is QEMU's
+//! own standard input and output: either the emulated serial port ([`Transport::Uart`], the link as it flies, some
+//! hundred steps a second) or semihosting ([`Transport::Fifo`], some ten thousand). QEMU ends when the [`Emulator`] is
+//! dropped.
+use std::fs;
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::{Arc, Mutex};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use schuler_core::config::ConfigError;
+use schuler_core::module::{FlightModule, ModuleConfig, StepInput, StepOutput};
+use schuler_link::SOURCE_HASH;
+use schuler_link::frame::{Decoder, Frame, FrameError, Wire};
+use schuler_link::message::{Banner, Counters, HostMessage, ModuleMessage, Pace, Refusal};
+
+pub use image::{Image, build};
+
+mod image;
+
+/// Before a command is sent again. An emulator on a busy machine stands still for seconds.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// Before a module counts as silent.
+const GIVE_UP: Duration = Duration::from_secs(30);
+
+/// Number of the question who is there: its answer is told from the banner of a restart, which bears 0.
+const HELLO: u32 = u32::MAX;
+
+/// The machine that runs the module.
+pub const QEMU: &str = "qemu-system-arm";
+
+/// What can go wrong between here and a module.
+#[derive(Debug, thiserror::Error)]
+pub enum TargetError {
+    /// A program that is needed is not there.
+    #[error("{program} is not on the PATH; install it ({advice})")]
+    MissingTool {
+        /// Its name.
+        program: String,
+        /// How to get it.
+        advice: &'static str,
+    },
+    /// The image could not be built.
+    #[error("the firmware does not build: {0}")]
+    Build(String),
+    /// QEMU could not be run.
+    #[error("{QEMU} cannot be run: {0}")]
+    Run(std::io::Error),
+    /// QEMU has ended by itself.
+    #[error("{QEMU} has ended ({0})")]
+    Ended(String),
+    /// No answer.
+    #[error("the module has not answered for {0:?}")]
+    Silent(Duration),
+    /// The module refuses the configuration.
+    #[error("{field}: {problem}")]
+    Configuration {
+        /// Path of the field.
+        field: String,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// The module refuses a command.
+    #[error("the module refuses: {0:?}")]
+    Refused(Box<Refusal>),
+    /// The module says something else than what was asked.
+    #[error("the module answers {0}")]
+    Unexpected(String),
+    /// The image was built from other sources than this program.
+    #[error(
+        "the image was built from other sources ({image:016x}) than this program ({host:016x}); build both again"
+    )]
+    OtherSources {
+        /// Hash that the image bears.
+        image: u64,
+        /// Hash of this program.
+        host: u64,
+    },
+}
+
+impl From<ConfigError> for TargetError {
+    fn from(error: ConfigError) -> Self {
+        Self::Configuration { field: error.field.to_owned(), problem: error.problem.to_string() }
+    }
+}
+
+/// Something that runs the flight module.
+pub trait Target {
+    /// Starts afresh with this configuration.
+    ///
+    /// # Errors
+    /// The configuration cannot be flown, or the target is out of reach.
+    fn configure(&mut self, config: &ModuleConfig) -> Result<(), TargetError>;
+
+    /// One step.
+    ///
+    /// # Errors
+    /// The target is out of reach.
+    fn step(&mut self, input: &StepInput) -> Result<StepOutput, TargetError>;
+}
+
+/// The module in this process.
+#[derive(Debug)]
+pub struct HostModule(Box<FlightModule>);
+
+impl HostModule {
+    /// A module with the default configuration.
+    pub fn new() -> Self {
+        Self(Box::new(FlightModule::new()))
+    }
+}
+
+impl Default for HostModule {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Target for HostModule {
+    fn configure(&mut self, config: &ModuleConfig) -> Result<(), TargetError> {
+        Ok(self.0.configure(config)?)
+    }
+
+    fn step(&mut self, input: &StepInput) -> Result<StepOutput, TargetError> {
+        Ok(self.0.step(input))
+    }
+}
+
+/// The line between this process and the emulated module.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Transport {
+    /// The emulated serial port: the link as it flies.
+    Uart,
+    /// Semihosting on a pair of pipes: for long runs.
+    Fifo,
+}
+
+/// Does something to the bytes on their way, in one direction of the line.
+pub type Disturbance = Box<dyn FnMut(&[u8]) -> Vec<u8> + Send>;
+
+/// QEMU with an image, and the line to the module in it.
+pub struct Emulator {
+    child: Child,
+    to_module: Option<ChildStdin>,
+    from_module: Receiver<Vec<u8>>,
+    /// Received and not yet looked at.
+    pending: std::vec::IntoIter<u8>,
+    decoder: Decoder,
+    wire: Box<Wire>,
+    /// Frames not yet handed to the system.
+    outbox: Vec<u8>,
+    sequence: u32,
+    banner: Banner,
+    complaints: Arc<Mutex<String>>,
+    image: PathBuf,
+    log: tempfile::TempPath,
+    window: usize,
+    patience: Duration,
+    disturb_outgoing: Option<Disturbance>,
+    disturb_incoming: Option<Disturbance>,
+}
+
+impl Emulator {
+    /// Builds the image for the transport, starts it, and checks that it was built from the same sources as this program.
+    ///
+    /// # Errors
+    /// QEMU or the compiler is missing, the image does not build, or does not come up.
+    pub fn start(transport: Transport) -> Result<Self, TargetError> {
+        let image = match transport {
+            Transport::Uart => Image::Serial,
+            Transport::Fifo => Image::Semihosting,
+        };
+        let emulator = Self::start_image(image, &build(image)?)?;
+        match emulator.banner.source_hash {
+            SOURCE_HASH => Ok(emulator),
+            other => Err(TargetError::OtherSources { image: other, host: SOURCE_HASH }),
+        }
+    }
+
+    /// Starts an image that is there.
+    ///
+    /// # Errors
+    /// QEMU is missing, or the image does not come up.
+    pub fn start_image(kind: Image, elf: &Path) -> Result<Self, TargetError> {
+        Self::launch(kind, elf, &[])?.wait_for_banner()
+    }
+
+    /// Waits until the module says who it is.
+    ///
+    /// # Errors
+    /// It does not.
+    pub fn wait_for_banner(mut self) -> Result<Self, TargetError> {
+        let deadline = Instant::now() + GIVE_UP;
+        loop {
+            match self.receive(PATIENCE)? {
+                Some(Frame { message: ModuleMessage::Banner(banner), .. }) => {
+                    self.resume_after(&banner);
+                    self.banner = banner;
+                    return Ok(self);
+                }
+                None if Instant::now() < deadline => self.send(HELLO, &HostMessage::Hello)?,
+                None => return Err(TargetError::Silent(GIVE_UP)),
+                Some(_) => (),
+            }
+        }
+    }
+
+    /// Starts an image without waiting for its banner, with further options for QEMU.
+    ///
+    /// # Errors
+    /// QEMU is missing or cannot be run.
+    pub fn launch(kind: Image, elf: &Path, options: &[&str]) -> Result<Self, TargetError> {
+        let log = tempfile::Builder::new()
+            .prefix("schuler-log-")
+            .tempfile()
+            .map_err(TargetError::Run)?
+            .into_temp_path();
+        let mut command = Command::new(QEMU);
+        command.args([
+            "-machine",
+            kind.machine(),
+            "-display",
+            "none",
+            "-monitor",
+            "none",
+            "-parallel",
+            "none",
+        ]);
+        command.arg("-kernel").arg(elf);
+        match kind {
+            Image::Semihosting => {
+                command.args(["-semihosting-config", "enable=on,target=native", "-serial", "null"]);
+            }
+            _ => {
+                command.args(["-chardev", "stdio,id=link,signal=off", "-serial", "chardev:link"]);
+            }
+        }
+        command.args(["-serial", &format!("file:{}", log.display())]);
+        command.args(options);
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().map_err(|error| match error.kind() {
+            std::io::ErrorKind::NotFound => TargetError::MissingTool {
+                program: QEMU.to_owned(),
+                advice: "Debian and Ubuntu: apt-get install qemu-system-arm",
+            },
+            _ => TargetError::Run(error),
+        })?;
+
+        let (sender, from_module) = channel();
+        let complaints = Arc::new(Mutex::new(String::new()));
+        if let Some(mut output) = child.stdout.take() {
+            thread::spawn(move || {
+                let mut buffer = vec![0; 1 << 16];
+                while let Ok(count @ 1..) = output.read(&mut buffer) {
+                    if sender.send(buffer[..count].to_vec()).is_err() {
+                        break;
+                    }
+                }
+            });
+        }
+        if let Some(mut errors) = child.stderr.take() {
+            let complaints = Arc::clone(&complaints);
+            thread::spawn(move || {
+                let mut buffer = [0; 4096];
+                while let Ok(count @ 1..) = errors.read(&mut buffer) {
+                    if let Ok(mut text) = complaints.lock() {
+                        text.push_str(&String::from_utf8_lossy(&buffer[..count]));
+                    }
+                }
+            });
+        }
+        Ok(Self {
+            to_module: child.stdin.take(),
+            child,
+            from_module,
+            pending: Vec::new().into_iter(),
+            decoder: Decoder::new(),
+            wire: Box::new(Wire::new()),
+            outbox: Vec::new(),
+            sequence: 0,
+            banner: Banner::new(kind.identity()),
+            complaints,
+            image: elf.to_owned(),
+            log,
+            // What is on its way must fit into the module's receive queue (2 kB), or into a pipe (64 kB).
+            window: if kind == Image::Semihosting { 128 } else { 4 },
+            patience: PATIENCE,
+            disturb_outgoing: None,
+            disturb_incoming: None,
+        })
+    }
+
+    /// Who is there.
+    pub fn banner(&self) -> &Banner {
+        &self.banner
+    }
+
+    /// The image that runs; it holds the texts of the log.
+    pub fn image(&self) -> &Path {
+        &self.image
+    }
+
+    /// What has been logged so far: defmt frames in rzCOBS, to be decoded with [`image`](Self::image).
+    ///
+    /// # Errors
+    /// The file in which QEMU collects it cannot be read.
+    pub fn log(&self) -> std::io::Result<Vec<u8>> {
+        fs::read(&self.log)
+    }
+
+    /// How long to wait for an answer before a command is sent again.
+    pub fn set_patience(&mut self, patience: Duration) {
+        self.patience = patience;
+    }
+
+    /// Disturbs the line from now on: frames to the module one by one, bytes from the module as they come.
+    pub fn disturb(&mut self, outgoing: Disturbance, incoming: Disturbance) {
+        self.disturb_outgoing = Some(outgoing);
+        self.disturb_incoming = Some(incoming);
+    }
+
+    /// Leaves the line alone again.
+    pub fn leave_alone(&mut self) {
+        self.disturb_outgoing = None;
+        self.disturb_incoming = None;
+    }
+
+    /// Changes what makes the module take a step.
+    ///
+    /// # Errors
+    /// The module refuses, or is out of reach.
+    pub fn set_pace(&mut self, pace: Pace) -> Result<(), TargetError> {
+        match self.command(&HostMessage::SetPace(pace))? {
+            ModuleMessage::PaceSet(set) if set == pace => Ok(()),
+            other => Err(unexpected(other)),
+        }
+    }
+
+    /// How it has gone since the start.
+    ///
+    /// # Errors
+    /// The module is out of reach.
+    pub fn counters(&mut self) -> Result<Counters, TargetError> {
+        match self.exchange(self.sequence, &HostMessage::Counters)? {
+            ModuleMessage::Counters(counters) => Ok(counters),
+            other => Err(unexpected(other)),
+        }
+    }
+
+    /// Runs many steps with some of them on their way at any time. The answers come in the order of the inputs.
+    pub fn run<I: IntoIterator<Item = StepInput>>(&mut self, inputs: I) -> Run<'_, I::IntoIter> {
+        Run {
+            inputs: inputs.into_iter().fuse(),
+            answered: self.sequence,
+            in_flight: 0,
+            failed: false,
+            emulator: self,
+        }
+    }
+
+    /// Sends an input and does not wait: at the clock's pace the module answers at its next tick.
+    ///
+    /// # Errors
+    /// The module is out of reach.
+    pub fn post(&mut self, input: &StepInput) -> Result<(), TargetError> {
+        self.sequence = self.sequence.wrapping_add(1);
+        self.send(self.sequence, &HostMessage::Step(*input))
+    }
+
+    /// Puts bytes on the line as they are.
+    ///
+    /// # Errors
+    /// The emulator has ended.
+    pub fn send_bytes(&mut self, bytes: &[u8]) -> Result<(), TargetError> {
+        self.outbox.extend_from_slice(bytes);
+        self.flush()
+    }
+
+    /// The next frame from the module, if one comes in time. Damaged ones are skipped.
+    ///
+    /// # Errors
+    /// The emulator has ended, or the module speaks another version of the protocol.
+    pub fn receive(&mut self, patience: Duration) -> Result<Option<Frame<ModuleMessage>>, TargetError> {
+        let deadline = Instant::now() + patience;
+        loop {
+            for byte in self.pending.by_ref() {
+                match self.decoder.push(byte) {
+                    Some(Ok(frame)) => return Ok(Some(frame)),
+                    Some(Err(FrameError::Version(version))) => {
+                        let ours = schuler_link::PROTOCOL;
+                        let text =
+                            format!("in version {version} of the protocol; this program speaks {ours}");
+                        return Err(TargetError::Unexpected(text));
+                    }
+                    Some(Err(_)) | None => (),
+                }
+            }
+            match self.next_bytes(deadline.saturating_duration_since(Instant::now()))? {
+                Some(bytes) => self.pending = bytes.into_iter(),
+                None => return Ok(None),
+            }
+        }
+    }
+
+    /// The next bytes from the line as they are, if some come in time.
+    ///
+    /// # Errors
+    /// The emulator has ended.
+    pub fn next_bytes(&mut self, patience: Duration) -> Result<Option<Vec<u8>>, TargetError> {
+        match self.from_module.recv_timeout(patience) {
+            Ok(bytes) => Ok(Some(match &mut self.disturb_incoming {
+                Some(disturb) => disturb(&bytes),
+                None => bytes,
+            })),
+            Err(RecvTimeoutError::Timeout) => Ok(None),
+            Err(RecvTimeoutError::Disconnected) => Err(self.ended()),
+        }
+    }
+
+    /// Closes the line and waits for the emulator to end by itself; a semihosting image does then. Returns whether it
+    /// ended well, and what it logged.
+    ///
+    /// # Errors
+    /// It did not end, or its log cannot be read.
+    pub fn finish(mut self) -> Result<(bool, Vec<u8>), TargetError> {
+        self.flush()?;
+        drop(self.to_module.take());
+        let deadline = Instant::now() + GIVE_UP;
+        loop {
+            if let Some(status) = self.child.try_wait().map_err(TargetError::Run)? {
+                return Ok((status.success(), self.log().map_err(TargetError::Run)?));
+            }
+            if Instant::now() > deadline {
+                return Err(TargetError::Silent(GIVE_UP));
+            }
+            thread::sleep(Duration::from_millis(5));
+        }
+    }
+
+    /// Sends a command until its answer comes: the module carries it out once, however often it hears it.
+    fn command(&mut self, message: &HostMessage) -> Result<ModuleMessage, TargetError> {
+        self.sequence = self.sequence.wrapping_add(1);
+        self.exchange(self.sequence, message)
+    }
+
+    fn exchange(&mut self, sequence: u32, message: &HostMessage) -> Result<ModuleMessage, TargetError> {
+        let question = matches!(message, HostMessage::Counters);
+        let give_up = Instant::now() + GIVE_UP;
+        while Instant::now() < give_up {
+            self.send(sequence, message)?;
+            let deadline = Instant::now() + self.patience;
+            while let Some(frame) = self.receive(deadline.saturating_duration_since(Instant::now()))? {
+                match frame.message {
+                    ModuleMessage::Banner(banner) if frame.sequence != HELLO => {
+                        return Err(self.restarted(banner));
+                    }
+                    answer @ ModuleMessage::Counters(_) if question => return Ok(answer),
+                    // These bear the number of a command without being its answer.
+                    ModuleMessage::Counters(_) | ModuleMessage::Tick(_) => (),
+                    answer if frame.sequence == sequence && !question => return Ok(answer),
+                    // The answer to something earlier.
+                    _ => (),
+                }
+            }
+        }
+        Err(TargetError::Silent(GIVE_UP))
+    }
+
+    fn send(&mut self, sequence: u32, message: &HostMessage) -> Result<(), TargetError> {
+        self.put(sequence, message);
+        self.flush()
+    }
+
+    fn put(&mut self, sequence: u32, message: &HostMessage) {
+        // Every message of the host fits; the crate asserts it.
+        if self.wire.encode(sequence, message).is_ok() {
+            match &mut self.disturb_outgoing {
+                Some(disturb) => self.outbox.extend(disturb(self.wire.as_bytes())),
+                None => self.outbox.extend_from_slice(self.wire.as_bytes()),
+            }
+        }
+    }
+
+    fn flush(&mut self) -> Result<(), TargetError> {
+        let written = match &mut self.to_module {
+            Some(line) => line.write_all(&self.outbox).and_then(|()| line.flush()),
+            None => Ok(()),
+        };
+        self.outbox.clear();
+        written.map_err(|_| self.ended())
+    }
+
+    fn resume_after(&mut self, banner: &Banner) {
+        self.sequence = banner.last_sequence.unwrap_or(0);
+    }
+
+    fn restarted(&mut self, banner: Banner) -> TargetError {
+        self.resume_after(&banner);
+        let text = format!("that it has restarted ({:?})", banner.start);
+        self.banner = banner;
+        TargetError::Unexpected(text)
+    }
+
+    /// QEMU has closed the line: why.
+    fn ended(&mut self) -> TargetError {
+        // It closes its output a moment before it is gone.
+        let deadline = Instant::now() + PATIENCE;
+        let status = loop {
+            match self.child.try_wait() {
+                Ok(Some(status)) => break status.to_string(),
+                Ok(None) if Instant::now() < deadline => thread::sleep(Duration::from_millis(5)),
+                _ => break "its output is closed".to_owned(),
+            }
+        };
+        let complaint = self.complaints.lock().ok().and_then(|text| text.lines().next().map(str::to_owned));
+        TargetError::Ended(complaint.map_or_else(|| status.clone(), |text| format!("{status}: {text}")))
+    }
+}
+
+impl Target for Emulator {
+    fn configure(&mut self, config: &ModuleConfig) -> Result<(), TargetError> {
+        match self.command(&HostMessage::Configure(*config))? {
+            ModuleMessage::Configured => Ok(()),
+            other => Err(unexpected(other)),
+        }
+    }
+
+    fn step(&mut self, input: &StepInput) -> Result<StepOutput, TargetError> {
+        match self.command(&HostMessage::Step(*input))? {
+            ModuleMessage::Output(output) => Ok(output),
+            other => Err(unexpected(other)),
+        }
+    }
+}
+
+impl Drop for Emulator {
+    fn drop(&mut self) {
+        // It may have ended already; then there is nothing to end.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Steps on their way; see [`Emulator::run`]. Ends after the first error.
+pub struct Run<'a, I> {
+    emulator: &'a mut Emulator,
+    inputs: std::iter::Fuse<I>,
+    /// Number of the last command answered.
+    answered: u32,
+    in_flight: usize,
+    failed: bool,
+}
+
+impl<I: Iterator<Item = StepInput>> Iterator for Run<'_, I> {
+    type Item = Result<StepOutput, TargetError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.failed {
+            return None;
+        }
+        let result = self.advance().transpose()?;
+        self.failed = result.is_err();
+        Some(result)
+    }
+}
+
+impl<I: Iterator<Item = StepInput>> Run<'_, I> {
+    fn advance(&mut self) -> Result<Option<StepOutput>, TargetError> {
+        // Refilled by halves: a call to the system for many frames.
+        if self.in_flight <= self.emulator.window / 2 {
+            for input in self.inputs.by_ref().take(self.emulator.window - self.in_flight) {
+                self.emulator.sequence = self.emulator.sequence.wrapping_add(1);
+                self.emulator.put(self.emulator.sequence, &HostMessage::Step(input));
+                self.in_flight += 1;
+            }
+            self.emulator.flush()?;
+        }
+        if self.in_flight == 0 {
+            return Ok(None);
+        }
+        let frame = self.emulator.receive(GIVE_UP)?.ok_or(TargetError::Silent(GIVE_UP))?;
+        self.answered = self.answered.wrapping_add(1);
+        self.in_flight -= 1;
+        match frame.message {
+            ModuleMessage::Output(output) if frame.sequence == self.answered => Ok(Some(output)),
+            ModuleMessage::Banner(banner) => Err(self.emulator.restarted(banner)),
+            ModuleMessage::Output(_) => Err(TargetError::Unexpected(format!(
+                "step {} where {} was due: a frame was lost",
+                frame.sequence, self.answered
+            ))),
+            other => Err(unexpected(other)),
+        }
+    }
+}
+
+fn unexpected(message: ModuleMessage) -> TargetError {
+    match message {
+        ModuleMessage::Refused(Refusal::Configuration { field, problem }) => TargetError::Configuration {
+            field: field.as_str().to_owned(),
+            problem: problem.as_str().to_owned(),
+        },
+        ModuleMessage::Refused(refusal) => TargetError::Refused(Box::new(refusal)),
+        other => TargetError::Unexpected(format!("{other:?}")),
+    }
+}
