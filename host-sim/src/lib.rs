@@ -1,3 +1,4 @@
 //! Placeholder.
 
+pub mod compare_isolation;
 pub mod emulator;

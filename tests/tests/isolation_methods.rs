@@ -70,7 +70,7 @@ fn fdi_3_3_innovations_add_up_to_the_parity_in_every_order() {
         let filter = SequentialFilter::new(space.geometry(), Recursion::Kalman);
         for trial in 0..200 {
             let mut rng = generator(303, trial);
-            let measured = noise::<5>(&mut rng) + space.geometry().axes() * noise::<3>(&mut rng);
+            let measured = noise::<5>(&mut rng) + space.geometry().matrix() * noise::<3>(&mut rng);
             let parity = space.parity(&measured);
             let likelihood = space.likelihood(&parity, 1.0);
             for (gyro, q) in likelihood.into_iter().enumerate() {
@@ -114,7 +114,7 @@ fn fdi_3_all_methods_decide_alike() {
             let (space, (determinants, projector, filter)) = (&blocks[block], &methods[block]);
             let mut measured: Rates = noise(&mut rng);
             measured[(trial / 2 % 5) as usize] += rng.random_range(-10.0..10.0);
-            measured += space.geometry().axes() * noise::<3>(&mut rng) * 100.0;
+            measured += space.geometry().matrix() * noise::<3>(&mut rng) * 100.0;
             let glt = argmax(space.likelihood(&space.parity(&measured), 1.0));
             let decisions = [
                 argmax(determinants.of(&measured).iter().map(|d| -d.abs())),
@@ -134,7 +134,7 @@ fn fdi_3_5_condition_number_decides_as_the_others_only_without_the_rate() {
     let space = cone();
     let condition = |measured: &Rates, removed: usize| {
         let augmented = SMatrix::<f64, 5, 4>::from_fn(|row, column| {
-            if column == 3 { measured[row] } else { space.geometry().axes()[(row, column)] }
+            if column == 3 { measured[row] } else { space.geometry().matrix()[(row, column)] }
         });
         let singular = augmented.remove_row(removed).singular_values();
         singular.max() / singular.min()
@@ -182,7 +182,7 @@ macro_rules! check_block {
         let filter = SequentialFilter::new(&geometry, Recursion::Kalman);
 
         // The projector by singular value decomposition of the axes.
-        let left = geometry.axes().svd(true, false).u.expect("asked for");
+        let left = geometry.matrix().svd(true, false).u.expect("asked for");
         let by_svd = SMatrix::<f64, $n, $n>::identity() - left * left.transpose();
         assert!((by_svd - geometry.projector()).amax() < 1e-13);
 
@@ -190,7 +190,7 @@ macro_rules! check_block {
             let mut rng = generator($seed, trial);
             let mut measured: SVector<f64, $n> = noise(&mut rng);
             measured[trial as usize % $n] += 7.0;
-            measured += geometry.axes() * noise::<3>(&mut rng) * 50.0;
+            measured += geometry.matrix() * noise::<3>(&mut rng) * 50.0;
             let projection = projector.project(&measured);
             for gyro in 0..$n {
                 // Least squares for the rate and a fault of this gyro together.
@@ -198,7 +198,7 @@ macro_rules! check_block {
                     if column == 3 {
                         f64::from(u8::from(row == gyro))
                     } else {
-                        geometry.axes()[(row, column)]
+                        geometry.matrix()[(row, column)]
                     }
                 });
                 let solution = model.svd(true, true).solve(&measured, 1e-12).expect("regular");

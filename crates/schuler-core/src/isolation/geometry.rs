@@ -4,9 +4,9 @@
 //!
 //! In: unit input axes (n×3, one row a gyro) and the 1-σ noise of each gyro, rad/s.
 //! Out: axes divided by the noise, and the projector on what no rate can produce; dimensionless.
-use nalgebra::{RealField, SMatrix, SVector};
+use nalgebra::{RealField, SMatrix, SVector, Vector3};
 
-use super::orthogonal::ThinQr;
+use super::orthogonal::{ThinQr, columns, elements};
 use crate::config::{ConfigError, Problem};
 
 /// Largest deviation of the length of an axis from one.
@@ -46,14 +46,12 @@ const SAME_LINE: [&str; 8] = [
 /// Whitened axes of n gyros that passed the guards.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BlockGeometry<T, const N: usize> {
-    /// Row k is the axis of gyro k times `σ_ref/σ_k`.
-    axes: SMatrix<T, N, 3>,
+    /// The axis of each gyro times `σ_ref/σ_k`.
+    axes: [Vector3<T>; N],
     /// Reference `σ_ref`: the least noise of all, rad/s.
     reference_sigma: T,
     /// √det(AᵀA) of the whitened axes.
     volume: T,
-    /// Projector `G = I − A(AᵀA)⁻¹Aᵀ`.
-    projector: SMatrix<T, N, N>,
 }
 
 impl<T: RealField + Copy, const N: usize> BlockGeometry<T, N> {
@@ -67,7 +65,7 @@ impl<T: RealField + Copy, const N: usize> BlockGeometry<T, N> {
             if !axis.iter().all(nalgebra::ComplexField::is_finite) {
                 return Err(ConfigError::new(axis_field(gyro), Problem::NotFinite));
             }
-            let norm = SVector::<T, 3>::from(*axis).norm();
+            let norm = Vector3::from(*axis).norm();
             if (norm - T::one()).abs() > constant(UNIT_NORM_TOLERANCE) {
                 let reason = Problem::Geometry("is not a unit vector within one thousandth");
                 return Err(ConfigError::new(axis_field(gyro), reason));
@@ -82,9 +80,9 @@ impl<T: RealField + Copy, const N: usize> BlockGeometry<T, N> {
             }
         }
         let reference_sigma = SVector::<T, N>::from(*sigma).min();
-        let mut whitened = SMatrix::<T, N, 3>::from_row_iterator(axes.iter().flatten().copied());
-        for (mut row, &sigma) in whitened.row_iter_mut().zip(sigma) {
-            row *= reference_sigma / sigma;
+        let mut whitened = axes.map(Vector3::from);
+        for (axis, &sigma) in whitened.iter_mut().zip(sigma) {
+            *axis *= reference_sigma / sigma;
         }
 
         let qr = ThinQr::new(&whitened);
@@ -93,15 +91,19 @@ impl<T: RealField + Copy, const N: usize> BlockGeometry<T, N> {
             let reason = Problem::Geometry("do not span three-dimensional space");
             return Err(ConfigError::new(AXES_FIELD, reason));
         }
-        let range = qr.range();
-        let projector = SMatrix::<T, N, N>::identity() - range * range.transpose();
-        check_lines(&projector)?;
-        Ok(Self { axes: whitened, reference_sigma, volume: pivots.product(), projector })
+        let geometry = Self { axes: whitened, reference_sigma, volume: pivots.product() };
+        check_lines(&geometry.projector())?;
+        Ok(geometry)
     }
 
-    /// Whitened axes: row k is the axis of gyro k times `σ_ref/σ_k`.
-    pub fn axes(&self) -> &SMatrix<T, N, 3> {
+    /// Whitened axes: the axis of each gyro times `σ_ref/σ_k`.
+    pub fn axes(&self) -> &[Vector3<T>; N] {
         &self.axes
+    }
+
+    /// Whitened axes as the matrix A, one row a gyro.
+    pub fn matrix(&self) -> SMatrix<T, N, 3> {
+        columns(self.axes).transpose()
     }
 
     /// The least noise of all, to which the axes are scaled, rad/s.
@@ -115,14 +117,15 @@ impl<T: RealField + Copy, const N: usize> BlockGeometry<T, N> {
     }
 
     /// Projector `G = I − A(AᵀA)⁻¹Aᵀ` on what no rate can produce; `G_kk = ‖v_k‖²`.
-    pub fn projector(&self) -> &SMatrix<T, N, N> {
-        &self.projector
+    pub fn projector(&self) -> SMatrix<T, N, N> {
+        let range = ThinQr::new(&self.axes).range();
+        SMatrix::identity() - range * range.transpose()
     }
 }
 
 /// Every gyro must be seen in the parity space, and no two of them along one line.
 fn check_lines<T: RealField + Copy, const N: usize>(projector: &SMatrix<T, N, N>) -> Result<(), ConfigError> {
-    let seen = projector.diagonal();
+    let seen = elements(projector.diagonal());
     for (gyro, &square) in seen.iter().enumerate() {
         if square < constant(MIN_SENSITIVITY_SQUARED) {
             let reason =
@@ -131,7 +134,7 @@ fn check_lines<T: RealField + Copy, const N: usize>(projector: &SMatrix<T, N, N>
         }
     }
     let limit = constant::<T>(MAX_LINE_COSINE * MAX_LINE_COSINE);
-    for (one, (column, &square)) in projector.column_iter().zip(&seen).enumerate() {
+    for (one, (column, &square)) in projector.data.0.iter().zip(&seen).enumerate() {
         for (other, (&product, &other_square)) in column.iter().zip(&seen).enumerate().skip(one + 1) {
             if product * product > limit * square * other_square {
                 let reason =

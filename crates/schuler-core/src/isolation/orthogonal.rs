@@ -2,8 +2,9 @@
 //!
 //! Gram–Schmidt with every projection done twice, which is orthogonal to the last digit for columns that are not
 //! dependent (Giraud, Langou and Rozložník 2005). Three columns make it shorter than reflections, and nothing in
-//! it can go out of bounds.
-use nalgebra::{Matrix3, RealField, SMatrix, SVector};
+//! it can go out of bounds. Matrices are taken apart and put together through their storage: views carry bounds
+//! checks that the compiler does not always see through.
+use nalgebra::{ArrayStorage, Matrix3, RealField, SMatrix, SVector, Vector3};
 
 /// `A = Q R` with three orthonormal columns.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,11 +15,17 @@ pub(super) struct ThinQr<T, const N: usize> {
 }
 
 impl<T: RealField + Copy, const N: usize> ThinQr<T, N> {
-    pub(super) fn new(matrix: &SMatrix<T, N, 3>) -> Self {
+    /// Of a matrix given by its rows.
+    pub(super) fn new(rows: &[Vector3<T>; N]) -> Self {
         let zero = T::zero();
-        let [a, b, c] = [0, 1, 2].map(|column| {
-            matrix.column_iter().nth(column).map_or_else(SVector::zeros, nalgebra::Matrix::into_owned)
-        });
+        let column = |element: fn(&Vector3<T>) -> T| {
+            let mut column = SVector::<T, N>::zeros();
+            for (slot, row) in column.iter_mut().zip(rows) {
+                *slot = element(row);
+            }
+            column
+        };
+        let (a, b, c) = (column(|row| row.x), column(|row| row.y), column(|row| row.z));
         let (first, first_norm) = normalised(&a);
         let (b, [b_first]) = without(b, [&first]);
         let (second, second_norm) = normalised(&b);
@@ -42,7 +49,7 @@ impl<T: RealField + Copy, const N: usize> ThinQr<T, N> {
 
     /// The orthonormal factor.
     pub(super) fn range(&self) -> SMatrix<T, N, 3> {
-        SMatrix::from_columns(&self.columns)
+        columns(self.columns)
     }
 
     /// The part of a vector that is orthogonal to the columns and to `others`, orthonormal among themselves.
@@ -57,6 +64,19 @@ impl<T: RealField + Copy, const N: usize> ThinQr<T, N> {
         let (twice, _) = without(once, [first, second, third]);
         twice
     }
+}
+
+/// The matrix with these columns.
+pub(super) fn columns<T: RealField + Copy, const R: usize, const C: usize>(
+    columns: [SVector<T, R>; C],
+) -> SMatrix<T, R, C> {
+    SMatrix::from_array_storage(ArrayStorage(columns.map(elements)))
+}
+
+/// The elements of a vector.
+pub(super) fn elements<T: RealField + Copy, const N: usize>(vector: SVector<T, N>) -> [T; N] {
+    let [elements] = vector.data.0;
+    elements
 }
 
 /// The vector less its parts along orthonormal directions, and those parts.

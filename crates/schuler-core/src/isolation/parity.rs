@@ -8,14 +8,11 @@
 use nalgebra::{RealField, SMatrix, SVector, Vector2};
 
 use super::geometry::BlockGeometry;
-use super::orthogonal::{ThinQr, normalised};
+use super::orthogonal::{ThinQr, columns, normalised};
 use crate::config::ConfigError;
 
 /// Number of gyros.
 pub const GYROS: usize = 5;
-
-/// Five input axes, one row a gyro.
-pub type Axes<T> = SMatrix<T, GYROS, 3>;
 
 /// The parity space of one geometry, whitened: built once, then constant.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,13 +38,12 @@ impl<T: RealField + Copy> ParitySpace<T> {
         // The guards leave every gyro a part in the complement, and the parts of no two along one line.
         let (first, _) = normalised(&qr.complement(SVector::ith(0, T::one()), []));
         let (second, _) = normalised(&qr.complement(SVector::ith(1, T::one()), [&first]));
-        let matrix = SMatrix::<T, GYROS, 2>::from_columns(&[first, second]).transpose();
-        let mut sensitivity = [T::zero(); GYROS];
-        let mut directions = [Vector2::zeros(); GYROS];
-        for ((column, norm), unit) in matrix.column_iter().zip(&mut sensitivity).zip(&mut directions) {
-            *norm = column.norm();
-            *unit = column / *norm;
+        let mut lines = [Vector2::zeros(); GYROS];
+        for (line, (&x, &y)) in lines.iter_mut().zip(first.iter().zip(&second)) {
+            *line = Vector2::new(x, y);
         }
+        let (sensitivity, directions) = (lines.map(|v| v.norm()), lines.map(|v| v.normalize()));
+        let matrix = columns(lines);
         Ok(Self { geometry, matrix, sensitivity, directions })
     }
 
@@ -75,6 +71,19 @@ impl<T: RealField + Copy> ParitySpace<T> {
     #[inline]
     pub fn parity(&self, whitened: &SVector<T, GYROS>) -> Vector2<T> {
         self.matrix * whitened
+    }
+
+    /// Size of the fault of a gyro that explains a parity vector best, `f̂ = v_kᵀp/‖v_k‖²`, in its σ. `[FDI-5]`
+    #[inline]
+    pub fn fault_size(&self, parity: &Vector2<T>, gyro: usize) -> T {
+        let direction = self.directions.get(gyro).copied().unwrap_or_else(Vector2::zeros);
+        direction.dot(parity) / self.sensitivity_of(gyro)
+    }
+
+    /// `‖v_k‖` of one gyro.
+    #[inline]
+    pub fn sensitivity_of(&self, gyro: usize) -> T {
+        self.sensitivity.get(gyro).copied().unwrap_or_else(T::one)
     }
 
     /// GLT statistics `q_k` = (`u_kᵀ` s)²/N of a sum s of N parity vectors. `[FDI-1]`

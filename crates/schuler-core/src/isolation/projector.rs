@@ -31,7 +31,7 @@ pub struct Projection<T, const N: usize> {
 impl<T: RealField + Copy, const N: usize> OrthogonalProjector<T, N> {
     /// Of a block that passed the guards: no column of its projector vanishes.
     pub fn new(geometry: &BlockGeometry<T, N>) -> Self {
-        let projector = *geometry.projector();
+        let projector = geometry.projector();
         Self { projector, inverse_diagonal: projector.diagonal().map(|square| T::one() / square) }
     }
 

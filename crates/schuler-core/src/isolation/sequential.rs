@@ -8,9 +8,10 @@
 //! covariance before it forms the gain, which is kept to reproduce it and depends on the order of the gyros.
 //!
 //! In: measurements divided by their σ. Out: dimensionless ratios; the largest names the gyro.
-use nalgebra::{Matrix3, RealField, SMatrix, SVector, Vector3};
+use nalgebra::{Matrix3, RealField, SVector, Vector3};
 
 use super::geometry::{BlockGeometry, constant};
+use super::orthogonal::columns;
 
 /// Largest ratio that is given; the block then agrees without the gyro as well as numbers can tell.
 const MAX_RATIO: f64 = 1e12;
@@ -52,7 +53,8 @@ impl<T: RealField + Copy> InnovationStatistics<T> {
 /// The filter for a block of n gyros.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SequentialFilter<T, const N: usize> {
-    axes: SMatrix<T, N, 3>,
+    /// Whitened axes.
+    axes: [Vector3<T>; N],
     recursion: Recursion,
     /// For each candidate: by how many places the cyclic order of the others is turned, so that the first three
     /// span space.
@@ -86,7 +88,7 @@ impl<T: RealField + Copy, const N: usize> SequentialFilter<T, N> {
         let mut rows = order::<N>(candidate, turn).map(|gyro| (self.axis(gyro), element(whitened, gyro)));
         let mut next = || rows.next().unwrap_or_else(|| (Vector3::zeros(), T::zero()));
         let start = [next(), next(), next()];
-        let axes = Matrix3::from_columns(&start.map(|(axis, _)| axis)).transpose();
+        let axes: Matrix3<T> = columns(start.map(|(axis, _)| axis)).transpose();
         let inverse = axes.try_inverse().unwrap_or_else(Matrix3::zeros);
         let mut estimate = inverse * Vector3::from(start.map(|(_, measured)| measured));
         let mut covariance = inverse * inverse.transpose();
@@ -131,7 +133,7 @@ impl<T: RealField + Copy, const N: usize> SequentialFilter<T, N> {
     }
 
     fn axis(&self, gyro: usize) -> Vector3<T> {
-        self.axes.row_iter().nth(gyro).map_or_else(Vector3::zeros, |axis| axis.transpose())
+        self.axes.get(gyro).copied().unwrap_or_else(Vector3::zeros)
     }
 }
 
