@@ -12,10 +12,12 @@
 //! | [`command`] | the command's arguments, texts and progress |
 //! | [`emulator`] | the flight module behind one interface: in this process, or on the emulated target |
 //! | [`output`] | files that are whole or not there |
+//! | [`compare_isolation`] | every way of isolating a gyro against the optimum |
 //! | [`calibration_table`] | a calibration experiment on a one-axis table at changing temperature |
 
 pub mod calibration_table;
 pub mod command;
+pub mod compare_isolation;
 pub mod emulator;
 pub mod flight;
 pub mod identify;
