@@ -12,7 +12,7 @@ use super::simulate;
 use super::text;
 use crate::flight::summary::{NoiseSummary, TruthState};
 use crate::flight::{self, Channel, Flown, LoopTruth, On, Summary, figures};
-use crate::plot::{Figure, Format};
+use crate::plot::{Figure, Format, Panel};
 use crate::scenario::ScenarioFile;
 
 const SCENARIO: &str = include_str!("../../scenarios/demo.toml");
@@ -104,8 +104,8 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
     let comparison = Figure {
         title: "Error of the vertical against what the filter believes of it".to_owned(),
         panels: vec![
-            figures::tilt_error(&mistuned, &truth, "data sheet, arc seconds"),
-            figures::tilt_error(&retuned, &truth, "retuned in flight, arc seconds"),
+            scaled(figures::tilt_error(&mistuned, &truth, "data sheet, arc seconds")),
+            scaled(figures::tilt_error(&retuned, &truth, "retuned in flight, arc seconds")),
         ],
     };
     files.extend(comparison.write(&arguments.out, "before_and_after", &arguments.plot)?);
@@ -116,7 +116,7 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
     let isolated = verdicts.iter().find(|change| change.verdict == "fault" && change.time_s >= onset_s);
     let answer = Answer {
         format: "schuler-demo/1",
-        on: fly::name(arguments.on),
+        on: arguments.on.name(),
         seed: scenario.seed,
         hours: scenario.duration_s / 3600.0,
         mistuned: compared(&mistuned, &truth, first_retuned)?,
@@ -136,6 +136,11 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
     };
     fly::write_json(&arguments.out.join("demo.json"), &answer)?;
     session.answer(&answer, words)
+}
+
+/// The same scale for both, of 5 of the vertical's usual errors; the first minutes go beyond it.
+fn scaled(panel: Panel) -> Panel {
+    Panel { y_range: Some((-100.0, 100.0)), ..panel }
 }
 
 /// Both filters over the same time: from the first retuning on.
@@ -178,7 +183,7 @@ fn words(answer: &Answer) -> String {
         _ => "no gyro was named".to_owned(),
     };
     format!(
-        "A flight of {:.0} h was simulated: rotors, pendulum, heat and the Schuler loop (seed {}), and flown on the {}.\n\
+        "A flight of {:.0} h was simulated: rotors, pendulum, heat and the Schuler loop (seed {}), and flown on {}.\n\
          \n\
          With the noise of the data sheet, which is wrong by ten:\n{}\n    {}\n\
          With the noise found in flight:\n{}\n    {}\n\
@@ -188,7 +193,7 @@ fn words(answer: &Answer) -> String {
          Everything is in {}.\n",
         answer.hours,
         answer.seed,
-        answer.on,
+        if answer.on == "host" { "this machine" } else { "the emulated target" },
         noise(&answer.mistuned),
         tilt(&answer.mistuned),
         noise(&answer.retuned),

@@ -2,12 +2,14 @@
 use std::path::{Path, PathBuf};
 
 use schuler_core::identification::Method;
-use schuler_recording::{CaseFile, Error, Recording};
+use schuler_recording::{CaseFile, Error, Problem, Recording};
 use serde::Serialize;
 
 use super::Failure;
 use super::session::Session;
 use super::text;
+use crate::emulator::TargetError;
+use crate::flight::mission::FlightError;
 use crate::flight::{self, Channel, Flown, LoopTruth, On, Summary, figures, outputs};
 use crate::output;
 use crate::plot::Format;
@@ -79,7 +81,7 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
         format: "schuler-flight/1",
         case: arguments.case.clone(),
         title: recording.case.title.clone(),
-        on: name(arguments.on),
+        on: arguments.on.name(),
         channels: Vec::new(),
         files: Vec::new(),
         warnings: recording.warnings.clone(),
@@ -103,27 +105,16 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
     session.answer(&answer, text::flight)
 }
 
-/// Name of what a flight ran on.
-pub(super) const fn name(on: On) -> &'static str {
-    match on {
-        On::Host => "host",
-        On::Qemu => "qemu",
-    }
-}
-
 /// Flies a channel with a progress bar. A configuration that cannot be flown is the case's mistake.
 pub(super) fn flown(channel: Channel, on: On, case: &Path, session: &Session) -> Result<Flown, Failure> {
     let progress = session.progress(&format!("flying {}", channel.name), channel.inputs.len());
     flight::fly(channel, on, |step| progress.at(step)).map_err(|error| match error {
-        flight::mission::FlightError::Configuration(error) => Failure::Input(Error::one(
-            case,
-            schuler_recording::Problem::new(
-                None,
-                error.field,
-                format!("{}, expected one that flies", error.problem),
-            ),
-        )),
-        other => other.into(),
+        FlightError::Interrupted(stopped) => Failure::Stopped(stopped),
+        FlightError::Target(TargetError::Configuration { field, problem }) => {
+            let message = format!("follows from the case and {problem}; expected one that can be flown");
+            Failure::Input(Error::one(case, Problem::new(None, field, message)))
+        }
+        FlightError::Target(other) => Failure::Other(other.into()),
     })
 }
 

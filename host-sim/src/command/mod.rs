@@ -20,7 +20,6 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use crate::flight::mission::FlightError;
 use crate::output::Interrupted;
 use session::Session;
 
@@ -62,15 +61,6 @@ pub(crate) enum Failure {
     /// Anything else.
     #[error("{0:#}")]
     Other(#[from] anyhow::Error),
-}
-
-impl From<FlightError> for Failure {
-    fn from(error: FlightError) -> Self {
-        match error {
-            FlightError::Interrupted(stopped) => Self::Stopped(stopped),
-            other => Self::Other(other.into()),
-        }
-    }
 }
 
 impl Failure {

@@ -1,6 +1,6 @@
 //! The flight module's outputs as figures.
 use schuler_core::isolation::Verdict;
-use schuler_core::module::StepOutput;
+use schuler_core::module::{Status, StepOutput};
 
 use super::Flown;
 use super::summary::{Summary, was_used};
@@ -121,13 +121,15 @@ fn innovations(flown: &Flown, summary: &Summary) -> Figure {
     let above: Vec<f64> =
         outputs.iter().map(|o| if spread(o) > 0.0 { spread(o) } else { f64::NAN }).collect();
     let below = above.iter().map(|v| -v).collect();
-    let mut panels =
-        vec![Panel::new("time, h", "innovation, m/s").band("±3√S", &x, below, above, Colour::Sky).points(
-            "innovation",
-            &x,
-            innovation.clone(),
-            Colour::Blue,
-        )];
+    let limit = 1.5 * quantile(innovation.iter().chain(&above), 0.98);
+    let mut first = Panel::new("time, h", "innovation, m/s")
+        .band("±3√S", &x, below, above, Colour::Sky)
+        .points("innovation", &x, innovation, Colour::Blue);
+    if limit > 0.0 {
+        // The first seconds, when the velocity is hardly known, would hide all the rest.
+        first.y_range = Some((-limit, limit));
+    }
+    let mut panels = vec![first];
     let window = (outputs.len() / 100).clamp(10, 600);
     let nis = used(&|o| f64::from(o.filter.nis));
     let (centres, means): (Vec<f64>, Vec<f64>) = x
@@ -147,13 +149,27 @@ fn innovations(flown: &Flown, summary: &Summary) -> Figure {
             .with(level("95 % of a consistent filter", 1.0 + spread))
             .with(level("", (1.0 - spread).max(0.0))),
     );
-    panels.push(correlogram(outputs));
-    let whiteness = summary.filter.as_ref().map_or(f64::NAN, |f| f.whiteness.p_value);
-    Figure { title: format!("{}: innovations (whiteness p = {whiteness:.2e})", flown.channel.name), panels }
+    let since = outputs.iter().rposition(|o| o.status.contains(Status::RETUNED)).map_or(0, |last| last + 1);
+    panels.push(correlogram(outputs.get(since..).unwrap_or_default(), since > 0));
+    let judged = summary.filter_since_retuning.as_ref().or(summary.filter.as_ref());
+    let whiteness = judged.map_or(f64::NAN, |f| f.whiteness.p_value);
+    let when = if since > 0 { " since the last retuning" } else { "" };
+    Figure {
+        title: format!("{}: innovations (whiteness{when}: p = {whiteness:.2e})", flown.channel.name),
+        panels,
+    }
+}
+
+/// The value below which this share of the finite magnitudes lies; zero without any.
+fn quantile<'v>(values: impl Iterator<Item = &'v f64>, share: f64) -> f64 {
+    let mut sorted: Vec<f64> = values.map(|v| v.abs()).filter(|v| v.is_finite()).collect();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let index = (share * sorted.len() as f64) as usize;
+    sorted.get(index.min(sorted.len().saturating_sub(1))).copied().unwrap_or_default()
 }
 
 /// Autocorrelation of the normalised innovations.
-fn correlogram(outputs: &[StepOutput]) -> Panel {
+fn correlogram(outputs: &[StepOutput], retuned: bool) -> Panel {
     let values: Vec<f64> = outputs
         .iter()
         .map(|o| {
@@ -174,8 +190,9 @@ fn correlogram(outputs: &[StepOutput]) -> Panel {
     let r = (1..=lags).map(|lag| product(lag).0 / power).collect();
     let bound = 1.96 / n.max(1.0).sqrt();
     let level = |label: &str, y: f64| Layer::Horizontal { label: label.to_owned(), y, colour: Colour::Grey };
+    let label = if retuned { "innovations since the last retuning" } else { "innovations" };
     Panel::new("lag, steps", "autocorrelation")
-        .points("innovations", &x, r, Colour::Blue)
+        .points(label, &x, r, Colour::Blue)
         .with(level("95 % of a white series", bound))
         .with(level("", -bound))
 }

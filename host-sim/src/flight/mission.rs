@@ -1,8 +1,8 @@
 //! Runs the flight module over a channel.
-use schuler_core::config::ConfigError;
-use schuler_core::module::{FlightModule, StepOutput};
+use schuler_core::module::StepOutput;
 
 use super::Channel;
+use crate::emulator::{Emulator, HostModule, Target, TargetError, Transport};
 use crate::output::Interrupted;
 
 /// What the module runs on.
@@ -11,8 +11,21 @@ pub enum On {
     /// This machine.
     #[default]
     Host,
-    /// The emulated target.
+    /// The emulated target, through semihosting: some ten thousand steps a second.
     Qemu,
+    /// The emulated target, through its serial port as it flies: some hundred steps a second.
+    QemuUart,
+}
+
+impl On {
+    /// Its name.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Host => "host",
+            Self::Qemu => "qemu",
+            Self::QemuUart => "qemu-uart",
+        }
+    }
 }
 
 /// A channel that was flown.
@@ -27,15 +40,12 @@ pub struct Flown {
 /// Why a channel could not be flown.
 #[derive(Debug, thiserror::Error)]
 pub enum FlightError {
-    /// The module refuses the configuration that follows from the case.
-    #[error("the flight module refuses the configuration: {0}")]
-    Configuration(#[from] ConfigError),
+    /// The target refuses, or is out of reach.
+    #[error(transparent)]
+    Target(#[from] TargetError),
     /// The user has stopped the run.
     #[error(transparent)]
     Interrupted(#[from] Interrupted),
-    /// The target is not part of this program.
-    #[error("the emulated target is not part of this build")]
-    NoTarget,
 }
 
 /// Flies a channel; `progress` hears the number of steps done and may stop the flight.
@@ -47,18 +57,27 @@ pub fn fly(
     on: On,
     mut progress: impl FnMut(usize) -> Result<(), Interrupted>,
 ) -> Result<Flown, FlightError> {
-    let outputs = match on {
-        On::Host => {
-            let mut module = Box::new(FlightModule::new());
-            module.configure(&channel.config)?;
-            let mut outputs = Vec::with_capacity(channel.inputs.len());
-            for (step, input) in channel.inputs.iter().enumerate() {
-                progress(step + 1)?;
-                outputs.push(module.step(input));
-            }
-            outputs
-        }
-        On::Qemu => return Err(FlightError::NoTarget),
+    let mut outputs = Vec::with_capacity(channel.inputs.len());
+    let mut take = |output: StepOutput| {
+        outputs.push(output);
+        progress(outputs.len())
     };
+    match on {
+        On::Host => {
+            let mut module = HostModule::new();
+            module.configure(&channel.config)?;
+            for input in &channel.inputs {
+                take(module.step(input)?)?;
+            }
+        }
+        On::Qemu | On::QemuUart => {
+            let transport = if on == On::Qemu { Transport::Fifo } else { Transport::Uart };
+            let mut emulator = Emulator::start(transport)?;
+            emulator.configure(&channel.config)?;
+            for output in emulator.run(channel.inputs.iter().copied()) {
+                take(output?)?;
+            }
+        }
+    }
     Ok(Flown { channel, outputs })
 }
