@@ -5,6 +5,7 @@
 //! criterion improves. The mean is taken out of the series; a straight line is, where its slope is three of its
 //! standard deviations under the model chosen without it.
 use realfft::RealFftPlanner;
+use realfft::num_complex::Complex;
 use schuler_core::identification::Structure as PublishedStructure;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -169,7 +170,7 @@ fn strongest_angle(values: &[f64]) -> f64 {
     let mut spectrum = transform.make_output_vec();
     // Fails only for buffers of a wrong length, and these are made by the plan itself; then all bins are zero.
     let _ = transform.process(&mut signal, &mut spectrum);
-    let powers = spectrum.iter().map(|bin| bin.norm_sqr()).enumerate().skip(1);
+    let powers = spectrum.iter().map(Complex::norm_sqr).enumerate().skip(1);
     let strongest = powers.max_by(|a, b| a.1.total_cmp(&b.1)).map_or(1, |(bin, _)| bin);
     std::f64::consts::TAU * strongest as f64 / length as f64
 }
@@ -259,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn fil_17_a_markov_part_far_below_the_white_noise_is_found_with_its_parameters() {
+    fn fil_13_a_markov_part_far_below_the_white_noise_is_found_with_its_parameters() {
         // The noise of a MEMS gyro at 1 Hz: nine tenths of the variance is white.
         let part = Correlated { sigma: 0.33, alpha: 1.0 / 170.0 };
         let fits = chosen(0..24, |seed| simulate(1.0, part, 0.0, 0.0, 8000, seed));
