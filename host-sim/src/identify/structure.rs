@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn fil_17_a_markov_part_far_below_the_white_noise_is_found_with_its_parameters() {
+    fn fil_13_a_markov_part_far_below_the_white_noise_is_found_with_its_parameters() {
         // The noise of a MEMS gyro at 1 Hz: nine tenths of the variance is white.
         let part = Correlated { sigma: 0.33, alpha: 1.0 / 170.0 };
         let fits = chosen(0..24, |seed| simulate(1.0, part, 0.0, 0.0, 8000, seed));
