@@ -86,7 +86,7 @@ fn fdi_3_determinants_and_glt_decide_alike() {
         let space = &blocks[block];
         let mut measured: Rates = noise(&mut rng);
         measured[(trial / 2 % 5) as usize] += rng.random_range(-10.0..10.0);
-        measured += space.axes() * Vector3::from(noise::<3>(&mut rng) * 100.0);
+        measured += space.geometry().matrix() * Vector3::from(noise::<3>(&mut rng) * 100.0);
         argmax(space.likelihood(&space.parity(&measured), 1.0))
             != argmax(determinants[block].of(&measured).iter().map(|d| -d.abs()))
     });
@@ -105,7 +105,7 @@ fn fdi_3_single_precision_decides_as_double() {
             let mut rng = generator(33, trial);
             let mut measured: Rates = noise(&mut rng);
             measured[(trial % 5) as usize] += 6.0;
-            measured += double.axes() * noise::<3>(&mut rng).normalize() * magnitude;
+            measured += double.geometry().matrix() * noise::<3>(&mut rng).normalize() * magnitude;
             let narrow: SVector<f32, 5> = measured.map(|x| x as f32);
             argmax(double.likelihood(&double.parity(&measured), 1.0))
                 != argmax(single_determinants.of(&narrow).iter().map(|d| -d.abs()))
@@ -122,7 +122,7 @@ fn fdi_4_false_alarms_and_detections_of_one_sample() {
         let mut rng = generator(seed, trial);
         let mut measured: Rates = noise(&mut rng);
         measured[(trial % 5) as usize] += size;
-        measured += space.axes() * Vector3::new(10.0, -20.0, 30.0);
+        measured += space.geometry().matrix() * Vector3::new(10.0, -20.0, 30.0);
         space.parity(&measured).norm_squared()
     };
     // 2e6 trials at 1e-3: one standard error is 2.2 % of the rate.

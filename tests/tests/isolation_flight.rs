@@ -265,7 +265,7 @@ fn fdi_10_every_kind_of_unusable_reading_costs_its_sample_only() {
         Reading::good(-1e300),
         Reading { value: 1e-5, age_ms: 0, quality: Quality::Saturated },
         Reading { value: 1e-5, age_ms: 0, quality: Quality::Missing },
-        Reading { value: 1e-5, age_ms: 1501, quality: Quality::Good },
+        Reading { value: 1e-5, age_ms: 1501, quality: Quality::Good }.not_older_than(1500),
     ];
     let mut flight = Flight::new(90);
     flight.last(500);

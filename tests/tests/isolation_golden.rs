@@ -39,8 +39,8 @@ fn fdi_2_facts_of_the_cone() {
     let space = cone();
     assert!((space.matrix() * axes).norm() <= 1e-14);
     assert!((space.matrix() * space.matrix().transpose() - Matrix2::identity()).amax() <= 1e-14);
-    assert!(close(space.volume(), 2.15164, 2e-5));
-    assert!(close(space.volume(), information.determinant().sqrt(), 1e-12));
+    assert!(close(space.geometry().volume(), 2.15164, 2e-5));
+    assert!(close(space.geometry().volume(), information.determinant().sqrt(), 1e-12));
     for k in 0..5 {
         assert!(close(projector(&space)[(k, k)], 0.4, 2e-5));
         let angle = |j: usize| {
@@ -53,26 +53,29 @@ fn fdi_2_facts_of_the_cone() {
 }
 
 #[test]
-fn fdi_2_parity_matrix_is_the_published_one_up_to_an_orthogonal_factor() {
+fn fdi_2_parity_matrix_is_the_published_one() {
     let published = SMatrix::<f64, 2, 5>::from_row_slice(&[
         0.632454, 0.511669, 0.195436, 0.195436, 0.511669, //
         0.0, 0.371747, 0.601502, -0.601502, -0.371747,
     ]);
-    assert!((projector(&cone()) - published.tr_mul(&published)).amax() < 2e-5);
+    assert!((cone().matrix() - published).amax() < 2e-5);
+    assert!((projector(&cone()) - cone().geometry().projector()).amax() < 1e-15);
 }
 
 #[test]
 fn fdi_9_rate_from_five_and_from_four() {
     let space = cone();
     let estimator = RateEstimator::new(&space);
-    assert!(close(estimator.select(None).covariance().trace(), 1.8, 2e-5));
+    assert!(close(estimator.covariance(&space, None).trace(), 1.8, 2e-5));
     for k in 0..5 {
-        let fit = estimator.select(Some(k));
-        assert!(close(fit.covariance().trace(), 2.7, 1e-4));
         let rate = Vector3::new(1.0, -2.0, 3.0);
         let mut measured = axes_of_the_paper() * rate;
         measured[k] = 1e6;
-        assert!((fit.rate(&measured) - rate).amax() < 1e-9, "gyro {k} is not left out");
+        assert!(
+            (estimator.rate(&space, &measured, Some(k)) - rate).amax() < 1e-14,
+            "gyro {k} is not left out"
+        );
+        assert!(close(estimator.covariance(&space, Some(k)).trace(), 2.7, 1e-4));
     }
     // The determinant without gyro 1 weighs the remaining four as the published parity equation does.
     let determinants = FiveDeterminants::normalised(&space);
@@ -81,6 +84,20 @@ fn fdi_9_rate_from_five_and_from_four() {
     let expected = [0.0, 0.37175, 0.6015, 0.6015, 0.37175];
     for (weight, expected) in weights.row(0).iter().zip(expected) {
         assert!(close(weight.abs(), expected, 2e-5));
+    }
+}
+
+#[test]
+fn fdi_9_second_fault_is_less_visible() {
+    // Of a fault of one σ the five-gyro parity holds 0.632 σ, the four-gyro parity 1.05 to 1.7 times less.
+    let space = cone();
+    let determinants = FiveDeterminants::normalised(&space);
+    for excluded in 0..5 {
+        for faulty in (0..5).filter(|gyro| *gyro != excluded) {
+            let seen = determinants.of(&Vector5::ith(faulty, 1.0))[excluded].abs();
+            let less = space.sensitivity()[faulty] / seen;
+            assert!((1.05..1.71).contains(&less), "{excluded} {faulty}: {less}");
+        }
     }
 }
 
@@ -96,12 +113,8 @@ fn fdi_9_covariance_of_unequal_gyros_is_that_of_weighted_least_squares() {
             information += axis * axis.transpose();
         }
         let expected = information.try_inverse().expect("regular");
-        let covariance = estimator.select(excluded).covariance();
+        let covariance = estimator.covariance(&space, excluded);
         assert!((covariance - expected).amax() < 1e-9 * expected.amax());
-        assert!(
-            (estimator.select(excluded).sigma().map(|s| s * s) - expected.diagonal()).amax()
-                < 1e-9 * expected.amax()
-        );
     }
 }
 
@@ -157,7 +170,7 @@ fn fdi_4_1_table_2_of_the_paper() {
         [0.8999, 0.9857, 0.6949, 0.1387, 0.4705],
         [0.5873, 0.9857, 1.0075, 0.6446, 0.0354],
     ];
-    let determinants = FiveDeterminants::new(&axes_of_the_paper());
+    let determinants = FiveDeterminants::new(&IsolationConfig::CONE.axes.map(Vector3::from));
     for rate in [Vector3::zeros(), Vector3::new(1.0, -2.0, 3.0)] {
         for (faulty, row) in TABLE.iter().enumerate() {
             let measured = axes_of_the_paper() * rate + noise_of_the_paper() + Vector5::ith(faulty, 1.0);
@@ -172,7 +185,7 @@ fn fdi_4_1_table_2_of_the_paper() {
 
 #[test]
 fn fdi_4_1_minors_give_the_determinants_of_an_lu_factorisation() {
-    let determinants = FiveDeterminants::new(&axes_of_the_paper());
+    let determinants = FiveDeterminants::new(&IsolationConfig::CONE.axes.map(Vector3::from));
     let measured = Vector5::new(0.3, -1.2, 0.7, 2.0, -0.4);
     for removed in 0..5 {
         let augmented = axes_of_the_paper().insert_column(3, 0.0);
@@ -218,14 +231,18 @@ fn fdi_11_numbers_of_the_example() {
 
 #[test]
 fn fdi_6_thresholds_of_the_table_and_their_growth() {
+    // Simulated thresholds for 10⁵ samples: c = 25.22, h = 12.9 and 53.
     let at = |interval| Thresholds::<f64>::five(interval, 1);
     let (c, fast, slow) = (at(1e5).single, at(1e5).fast, at(1e5).slow);
-    assert!(close(c, 25.22, 1e-12) && close(fast, 12.9, 1e-12) && close(slow, 53.0, 1e-12));
-    assert!(close(at(1e6).single - c, 4.605, 1e-9));
-    assert!(close(at(1e6).fast - fast, 2.36, 1e-9));
-    assert!(close(at(1e6).slow - slow, 12.4, 1e-9));
-    // c leaves a third of the false alarms to the single sample: P(χ²₂ > c) = e^(−c/2).
-    assert!(close((-c / 2.0).exp() * 3e5, 1.0, 0.01));
+    assert!(close(c, 25.22, 0.005), "{c}");
+    assert!(close(fast, 12.9, 0.05), "{fast}");
+    assert!(close(slow, 53.0, 0.1), "{slow}");
+    // Per factor of ten: ln 10 over half the weight of the statistic in its exponent, reached from above.
+    let decade = 10_f64.ln();
+    assert!(close(at(1e6).single - c, 2.0 * decade, 1e-9));
+    assert!(close(at(1e6).fast - fast, decade, 0.01));
+    assert!(close(at(1e6).slow - slow, 5.0 * decade, 0.3));
+    assert!(close(slow - at(1e4).slow, 5.0 * decade, 0.3));
 }
 
 #[test]
@@ -242,7 +259,7 @@ fn fdi_9_single_sample_threshold_of_four_is_the_normal_quantile() {
 #[test]
 fn fdi_3_2_raw_determinants_decide_otherwise_on_an_asymmetric_block_and_normalised_ones_do_not() {
     let space = skewed();
-    let raw = FiveDeterminants::new(space.axes());
+    let raw = FiveDeterminants::new(space.geometry().axes());
     let normalised = FiveDeterminants::normalised(&space);
     let trials = 20_000;
     let mut raw_differs = 0;
@@ -278,12 +295,12 @@ proptest! {
     ) {
         let measured = Vector5::from(measured);
         let parity = space.parity(&measured);
-        let raw = FiveDeterminants::new(space.axes()).of(&measured);
+        let raw = FiveDeterminants::new(space.geometry().axes()).of(&measured);
         let normalised = FiveDeterminants::normalised(&space).of(&measured);
         let scale = parity.norm_squared() + measured.norm_squared();
         for j in 0..5 {
             let column: Vector2<f64> = space.matrix().column(j).into_owned();
-            let cross = column.perp(&parity).abs() * space.volume();
+            let cross = column.perp(&parity).abs() * space.geometry().volume();
             prop_assert!(close(raw[j].abs(), cross, 1e-12 * scale));
             let along = space.directions()[j].dot(&parity);
             let least_residual = parity.norm_squared() - along * along;
@@ -297,7 +314,7 @@ proptest! {
         space in geometry(),
         rate in proptest::array::uniform3(-10.0..10.0f64),
     ) {
-        let measured = space.axes() * Vector3::from(rate);
+        let measured = space.geometry().matrix() * Vector3::from(rate);
         prop_assert!(space.parity(&measured).norm() < 1e-13 * (1.0 + measured.norm()) * 10.0);
         prop_assert!(FiveDeterminants::normalised(&space).of(&measured).norm() < 1e-12 * (1.0 + measured.norm()) * 10.0);
     }
@@ -307,9 +324,9 @@ proptest! {
     fn fdi_2_parity_matrix_is_orthonormal(space in geometry()) {
         let v = space.matrix();
         prop_assert!((v * v.transpose() - Matrix2::identity()).amax() < 1e-13);
-        prop_assert!((v * space.axes()).amax() < 1e-13);
-        let gram = space.information().determinant().sqrt();
-        prop_assert!(close(space.volume(), gram, 1e-10 * gram));
+        prop_assert!((v * space.geometry().matrix()).amax() < 1e-13);
+        let gram = space.geometry().matrix().tr_mul(&space.geometry().matrix()).determinant().sqrt();
+        prop_assert!(close(space.geometry().volume(), gram, 1e-10 * gram));
     }
 
     /// Element j of the normalised determinants does not contain the reading of gyro j.
@@ -326,12 +343,12 @@ proptest! {
 fn fdi_2_axes_along_the_coordinates_do_not_upset_the_factorisation() {
     // Columns that are already triangular leave the reflections of the QR nothing to do.
     let space = skewed();
-    assert!((space.matrix() * space.axes()).amax() < 1e-14);
+    assert!((space.matrix() * space.geometry().matrix()).amax() < 1e-14);
     assert!((space.matrix() * space.matrix().transpose() - Matrix2::identity()).amax() < 1e-14);
     let estimator = RateEstimator::new(&space);
     let rate = Vector3::new(0.1, -0.2, 0.3);
     for excluded in [None, Some(0), Some(1), Some(2), Some(3), Some(4)] {
-        let fitted = estimator.select(excluded).rate(&(space.axes() * rate));
+        let fitted = estimator.rate(&space, &(space.geometry().matrix() * rate), excluded);
         assert!((fitted - rate).amax() < 1e-13);
     }
 }
@@ -340,7 +357,7 @@ fn fdi_2_axes_along_the_coordinates_do_not_upset_the_factorisation() {
 fn fdi_2_single_precision_parity_matrix() {
     let axes = IsolationConfig::CONE.axes.map(|axis| axis.map(|x| x as f32));
     let space = ParitySpace::<f32>::try_build(&axes, &[1.0; 5]).expect("can be flown");
-    assert!((space.matrix() * space.axes()).norm() <= 1e-6);
+    assert!((space.matrix() * space.geometry().matrix()).norm() <= 1e-6);
     let double = fault(&cone(), 0, 1.0).norm();
     assert!(close(f64::from(space.sensitivity()[0]), double, 1e-6));
 }

@@ -3,7 +3,7 @@
 //! | module | holds |
 //! | --- | --- |
 //! | [`case`] | the case file `schuler-case/1`, as written: types, reader, writer |
-//! | [`unit`] | the units of the case file and their conversion to SI |
+//! | [`mod@unit`] | the units of the case file and their conversion to SI |
 //! | [`table`] | tables of numbers: CSV and gzipped CSV, read and written |
 //! | [`recording`] | case and table together: arrays in SI units on the nominal step grid, gaps marked |
 //! | [`motion`] | Earth rate, gravity and attitude; the ideal sensor's output for the recorded or static motion |

@@ -84,6 +84,11 @@ pub(super) struct Progress<'s> {
 }
 
 impl Progress<'_> {
+    /// Notes the steps done, where they are few and long.
+    pub(super) fn done(&self, steps: usize) {
+        self.bar.set_position(steps as u64);
+    }
+
     /// Notes the steps done.
     pub(super) fn at(&self, step: usize) -> Result<(), Interrupted> {
         if step.is_multiple_of(STRIDE) {

@@ -22,8 +22,6 @@ pub struct IsolationConfig {
     pub sigma: [f64; GYROS],
     /// Largest rate that a gyro can report, rad/s.
     pub range: f64,
-    /// Readings older than this are not used, milliseconds.
-    pub max_age_ms: u32,
     /// Calibrated constant error of each gyro, rad/s, subtracted before all else.
     pub offset: [f64; GYROS],
     /// Samples at the start over which the constant parity is measured and then frozen; zero: none, `offset` is
@@ -65,7 +63,6 @@ impl IsolationConfig {
         ],
         sigma: [1e-7; GYROS],
         range: 1.0,
-        max_age_ms: 1500,
         offset: [0.0; GYROS],
         calibration_samples: 0,
         offset_limit: 1e-6,

@@ -14,7 +14,7 @@
 //! In: measurements (for the normalised form divided by their σ). Out: five numbers of the measurements' unit.
 use nalgebra::{RealField, SMatrix, SVector, Vector3};
 
-use super::parity::{Axes, GYROS, ParitySpace};
+use super::parity::{GYROS, ParitySpace};
 
 /// Coefficients of the five determinants as linear forms of the measurements.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,17 +25,18 @@ pub struct FiveDeterminants<T> {
 
 impl<T: RealField + Copy> FiveDeterminants<T> {
     /// Forms the ten minors of the axes. `[FDI-4.1]`
-    pub fn new(axes: &Axes<T>) -> Self {
+    pub fn new(axes: &[Vector3<T>; GYROS]) -> Self {
         Self { minors: SMatrix::from_fn(|removed, expanded| signed_minor(axes, removed, expanded)) }
     }
 
     /// The determinants of whitened measurements, scaled to unit variance for any geometry. `[FDI-3.2]`
     pub fn normalised(space: &ParitySpace<T>) -> Self {
-        let mut determinants = Self::new(space.axes());
-        for (mut row, &sensitivity) in determinants.minors.row_iter_mut().zip(space.sensitivity()) {
-            row /= space.volume() * sensitivity;
+        let (axes, volume) = (space.geometry().axes(), space.geometry().volume());
+        Self {
+            minors: SMatrix::from_fn(|removed, expanded| {
+                signed_minor(axes, removed, expanded) / (volume * space.sensitivity_of(removed))
+            }),
         }
-        determinants
     }
 
     /// The five signed determinants of [A y] with one row removed each. Element j does not depend on `y_j`.
@@ -47,12 +48,9 @@ impl<T: RealField + Copy> FiveDeterminants<T> {
 
 /// Coefficient of y_`expanded` in the determinant of [A y] without row `removed`: the expansion along the last
 /// of the four columns, in which row p has the sign (−1)^(p+1).
-fn signed_minor<T: RealField + Copy>(axes: &Axes<T>, removed: usize, expanded: usize) -> T {
-    let mut rest = axes
-        .row_iter()
-        .enumerate()
-        .filter(|(row, _)| *row != removed && *row != expanded)
-        .map(|(_, axis)| axis.transpose());
+fn signed_minor<T: RealField + Copy>(axes: &[Vector3<T>; GYROS], removed: usize, expanded: usize) -> T {
+    let mut rest =
+        axes.iter().enumerate().filter(|(row, _)| *row != removed && *row != expanded).map(|(_, axis)| *axis);
     let mut next = || rest.next().unwrap_or_else(Vector3::zeros);
     let (a, b, c) = (next(), next(), next());
     let minor = a.dot(&b.cross(&c));

@@ -1,4 +1,6 @@
-//! Which readings can be used: quality, age, range, stuck and lost gyros. Equation id FDI-10.
+//! Which readings can be used: quality, range, stuck and lost gyros. Equation id FDI-10.
+//!
+//! Readings that are too old arrive as missing: how old is too old is decided once for all sensors.
 use super::parity::GYROS;
 use crate::reading::{Quality, Reading};
 
@@ -10,8 +12,6 @@ pub(super) type GyroMask = u8;
 pub(super) struct InputLimits {
     /// Largest magnitude, rad/s.
     pub(super) range: f64,
-    /// Largest age, ms.
-    pub(super) max_age_ms: u32,
     /// Identical samples in a row that make a gyro stuck.
     pub(super) stuck_samples: u32,
     /// Unusable samples in a row that make a gyro lost.
@@ -60,7 +60,6 @@ impl InputMonitor {
         let mut bit = 1;
         for ((reading, channel), value) in gyros.iter().zip(&mut self.channels).zip(&mut checked.values) {
             let usable = reading.quality == Quality::Good
-                && reading.age_ms <= self.limits.max_age_ms
                 && reading.value.is_finite()
                 && reading.value.abs() <= self.limits.range;
             *value = if usable { reading.value } else { 0.0 };

@@ -2,7 +2,8 @@
 //! Equation ids FDI-1, FDI-5, FDI-6.
 use nalgebra::{RealField, Vector2};
 
-use super::parity::{ParitySpace, constant};
+use super::geometry::constant;
+use super::parity::ParitySpace;
 use super::sums::Evidence;
 
 /// Parity that the suspect leaves unexplained, squared: chi-square with one degree of freedom, 0.1 %. Above it more

@@ -7,25 +7,31 @@
 //!
 //! | module | computes |
 //! | --- | --- |
+//! | [`geometry`] | the axes in units of their noise, and whether they can serve |
 //! | [`parity`] | what the five measurements say that no rate can explain |
 //! | [`determinants`] | the five determinants: the disagreement of each four |
 //! | [`rate`] | the rate from five, or from the four that are left |
 //! | [`thresholds`] | thresholds for a stated mean time between false alarms |
 //! | [`detector`] | alarm, and which gyro |
 //! | [`remaining`] | alarm among the four that are left |
+//! | [`projector`], [`sequential`] | the paper's other methods, for any number of gyros: cross-checks |
 //!
 //! In: five rates along the input axes, rad/s, once a step. Out: [`IsolationOutput`].
 mod calibration;
 mod configuration;
 pub mod detector;
 pub mod determinants;
+pub mod geometry;
 mod input;
 mod investigation;
+mod orthogonal;
 mod output;
 pub mod parity;
+pub mod projector;
 pub mod rate;
 mod recovery;
 pub mod remaining;
+pub mod sequential;
 mod size;
 mod sums;
 pub mod thresholds;
@@ -78,8 +84,8 @@ pub struct FaultIsolation {
     offset_rejected: bool,
     /// Gyros declared faulty.
     excluded: GyroMask,
-    /// The gyro without which the last rate was formed.
-    absent: Option<usize>,
+    /// Covariance of the last rate, (rad/s)².
+    covariance: Matrix3<f64>,
 }
 
 /// One sample, made ready for the detectors.
@@ -119,7 +125,6 @@ impl FaultIsolation {
         };
         let limits = InputLimits {
             range: config.range,
-            max_age_ms: config.max_age_ms,
             stuck_samples: config.stuck_samples,
             lost_samples: config.lost_samples,
         };
@@ -141,7 +146,7 @@ impl FaultIsolation {
             offset: SVector::from(config.offset).component_mul(&inverse_sigma),
             offset_rejected: false,
             excluded: 0,
-            absent: None,
+            covariance: Matrix3::zeros(),
             space,
         })
     }
@@ -207,15 +212,16 @@ impl FaultIsolation {
             | raise(IsolationFlags::READMITTED, recovered);
 
         let trusted = verdict != Verdict::BlockUntrusted;
-        self.absent = only(absent);
-        let fit = self.estimator.select(self.absent);
+        let rate = self.estimator.rate(&self.space, &sample.whitened, only(absent));
+        self.covariance = self.estimator.covariance(&self.space, only(absent));
+        let rate_sigma = self.covariance.diagonal().map(ComplexField::sqrt);
         let (fault_size, fault_sigma) = self.fault_size();
         IsolationOutput {
             verdict,
             flags,
             gyros_used: if trusted { ALL & !absent } else { 0 },
-            rate: keep(trusted, fit.rate(&sample.whitened).into()),
-            rate_sigma: keep(trusted, (*fit.sigma()).into()),
+            rate: keep(trusted, rate.into()),
+            rate_sigma: keep(trusted, rate_sigma.into()),
             parity: keep(sample.complete(), parity.into()),
             determinants: sample.valid_determinants(),
             alarm_level: if watched { four.level } else { five.level },
@@ -230,9 +236,9 @@ impl FaultIsolation {
         self.excluded
     }
 
-    /// Covariance of the last rate from the noise of the gyros that it came from, (rad/s)².
+    /// Covariance of the last rate from the noise of the gyros that it came from, (rad/s)²; zero before the first.
     pub fn rate_covariance(&self) -> &Matrix3<f64> {
-        self.estimator.select(self.absent).covariance()
+        &self.covariance
     }
 
     /// The constant error of each gyro that is being subtracted, rad/s.
@@ -263,7 +269,7 @@ impl FaultIsolation {
             *value = if unusable >> gyro & 1 == 0 { *value } else { 0.0 };
         }
         let absent = self.excluded | unusable;
-        let rate_squared = self.estimator.select(only(absent)).rate(&whitened).norm_squared();
+        let rate_squared = self.estimator.rate(&self.space, &whitened, only(absent)).norm_squared();
         let fast = absent.count_ones() < 2 && rate_squared > self.rate_limit_squared;
         // Repeated readings are not new evidence.
         let suspended = fast || input.frozen;

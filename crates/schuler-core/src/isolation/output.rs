@@ -22,7 +22,7 @@ bitflags! {
     /// Why the verdict is what it is, and what happened in this step.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
     pub struct IsolationFlags: u16 {
-        /// A reading could not be used: missing, saturated, too old, beyond the range or not a number.
+        /// A reading could not be used: missing, saturated, beyond the range or not a number.
         const READING_UNUSABLE = 1;
         /// This sample is beyond the single-sample threshold.
         const OUTLIER = 1 << 1;

@@ -1,52 +1,25 @@
-//! Geometry of a block of five gyros: the space of measurements that no rate can produce.
+//! The space of five measurements that no rate can produce: two-dimensional, a line for each gyro.
 //!
-//! Source: Larin (2015), §§1–2; parity vectors after Potter and Suman (1977). Equation ids FDI-2, FDI-8.
+//! Source: Larin (2015), §§1–2; parity vectors after Potter and Suman (1977). Equation ids FDI-1, FDI-2.
 //!
 //! In: unit input axes `A` (5×3, one row a gyro) and the 1-σ noise of each gyro, rad/s.
 //! Out: the parity matrix `V` (2×5) with `V A = 0`, `V Vᵀ = I`, for measurements divided by their σ. All
 //! quantities are dimensionless.
-use nalgebra::{Matrix3, RealField, SMatrix, SVector, Vector2};
+use nalgebra::{RealField, SMatrix, SVector, Vector2};
 
-use crate::config::{ConfigError, Problem};
+use super::geometry::BlockGeometry;
+use super::orthogonal::{ThinQr, columns, normalised};
+use crate::config::ConfigError;
 
 /// Number of gyros.
 pub const GYROS: usize = 5;
 
-/// Five input axes, one row a gyro.
-pub type Axes<T> = SMatrix<T, GYROS, 3>;
-
-/// Largest deviation of the length of an axis from one.
-const UNIT_NORM_TOLERANCE: f64 = 1e-3;
-/// Least ratio of the diagonal elements of R at which the axes count as spanning space.
-const RANK_TOLERANCE: f64 = 1e-6;
-/// Least `‖v_k‖²` at which a fault of gyro k can be seen.
-const MIN_SENSITIVITY_SQUARED: f64 = 0.05;
-/// Cosine of the least angle between two parity lines (10°).
-const MAX_LINE_COSINE: f64 = 0.984_807_753_012_208;
-
-/// Names of the fields that hold an axis, for errors.
-const AXIS_FIELDS: [&str; GYROS] =
-    ["isolation.axes[0]", "isolation.axes[1]", "isolation.axes[2]", "isolation.axes[3]", "isolation.axes[4]"];
-/// Why two gyros cannot be told apart, by the second of them; the field names the first.
-const SAME_LINE: [&str; GYROS] = [
-    "has within 10° the same parity line as axes[0]: their faults cannot be told apart",
-    "has within 10° the same parity line as axes[1]: their faults cannot be told apart",
-    "has within 10° the same parity line as axes[2]: their faults cannot be told apart",
-    "has within 10° the same parity line as axes[3]: their faults cannot be told apart",
-    "has within 10° the same parity line as axes[4]: their faults cannot be told apart",
-];
-
 /// The parity space of one geometry, whitened: built once, then constant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ParitySpace<T> {
-    /// Whitened axes: row k is the axis of gyro k times `σ_ref/σ_k`.
-    axes: Axes<T>,
-    /// Reference `σ_ref`: the least noise of the five, rad/s.
-    reference_sigma: T,
+    geometry: BlockGeometry<T, GYROS>,
     /// Parity matrix V.
     matrix: SMatrix<T, 2, GYROS>,
-    /// √det(AᵀA) of the whitened axes.
-    volume: T,
     /// `‖v_k‖`: what a fault of one `σ_k` in gyro k adds to the parity vector.
     sensitivity: [T; GYROS],
     /// Unit directions `u_k = v_k/‖v_k‖`.
@@ -54,102 +27,34 @@ pub struct ParitySpace<T> {
 }
 
 impl<T: RealField + Copy> ParitySpace<T> {
-    /// Whitens the axes by the noise of their gyros and splits off the parity space by QR. `[FDI-2]` `[FDI-8]`
+    /// Checks and whitens the axes and splits off the parity space by QR. V is unique up to an orthogonal factor; it
+    /// is taken with gyro 0 on its first axis and gyro 1 on the positive side of its second. `[FDI-2]`
     ///
     /// # Errors
-    /// A number that is not finite, an axis whose length is not one, axes that do not span space, a gyro whose
-    /// fault would not be seen, two gyros whose faults cannot be told apart.
+    /// Those of [`BlockGeometry::try_build`].
     pub fn try_build(axes: &[[T; 3]; GYROS], sigma: &[T; GYROS]) -> Result<Self, ConfigError> {
-        for (axis, field) in axes.iter().zip(AXIS_FIELDS) {
-            if !axis.iter().all(nalgebra::ComplexField::is_finite) {
-                return Err(ConfigError::new(field, Problem::NotFinite));
-            }
-            let norm = SVector::<T, 3>::from(*axis).norm();
-            if (norm - T::one()).abs() > constant(UNIT_NORM_TOLERANCE) {
-                return Err(ConfigError::new(
-                    field,
-                    Problem::Geometry("is not a unit vector within one thousandth"),
-                ));
-            }
+        let geometry = BlockGeometry::try_build(axes, sigma)?;
+        let qr = ThinQr::new(geometry.axes());
+        // The guards leave every gyro a part in the complement, and the parts of no two along one line.
+        let (first, _) = normalised(&qr.complement(SVector::ith(0, T::one()), []));
+        let (second, _) = normalised(&qr.complement(SVector::ith(1, T::one()), [&first]));
+        let mut lines = [Vector2::zeros(); GYROS];
+        for (line, (&x, &y)) in lines.iter_mut().zip(first.iter().zip(&second)) {
+            *line = Vector2::new(x, y);
         }
-        for &sigma in sigma {
-            if !sigma.is_finite() {
-                return Err(ConfigError::new("isolation.sigma", Problem::NotFinite));
-            }
-            if sigma <= T::zero() {
-                return Err(ConfigError::new("isolation.sigma", Problem::NotPositive));
-            }
-        }
-        let [first, others @ ..] = *sigma;
-        let reference_sigma = others.iter().fold(first, |least, &sigma| least.min(sigma));
-        let mut whitened = Axes::from_row_iterator(axes.iter().flatten().copied());
-        for (mut row, &sigma) in whitened.row_iter_mut().zip(sigma) {
-            row *= reference_sigma / sigma;
-        }
-
-        let qr = whitened.qr();
-        let pivots = qr.r().diagonal();
-        if pivots.min() <= constant::<T>(RANK_TOLERANCE) * pivots.max() {
-            return Err(ConfigError::new(
-                "isolation.axes",
-                Problem::Geometry("do not span three-dimensional space"),
-            ));
-        }
-        let mut orthogonal = SMatrix::<T, GYROS, GYROS>::identity();
-        qr.q_tr_mul(&mut orthogonal);
-        let matrix = orthogonal.fixed_rows::<2>(3).into_owned();
-
-        let mut sensitivity = [T::zero(); GYROS];
-        let mut directions = [Vector2::zeros(); GYROS];
-        for (((column, norm), unit), field) in
-            matrix.column_iter().zip(&mut sensitivity).zip(&mut directions).zip(AXIS_FIELDS)
-        {
-            *norm = column.norm();
-            if *norm * *norm < constant(MIN_SENSITIVITY_SQUARED) {
-                return Err(ConfigError::new(
-                    field,
-                    Problem::Geometry(
-                        "leaves less than 5 % of the fault's square in the parity space: it would not be seen",
-                    ),
-                ));
-            }
-            *unit = column / *norm;
-        }
-        for (first, (one, field)) in directions.iter().zip(AXIS_FIELDS).enumerate() {
-            for (other, reason) in directions.iter().zip(SAME_LINE).skip(first + 1) {
-                if one.dot(other).abs() > constant(MAX_LINE_COSINE) {
-                    return Err(ConfigError::new(field, Problem::Geometry(reason)));
-                }
-            }
-        }
-        Ok(Self {
-            axes: whitened,
-            reference_sigma,
-            matrix,
-            volume: pivots.product(),
-            sensitivity,
-            directions,
-        })
+        let (sensitivity, directions) = (lines.map(|v| v.norm()), lines.map(|v| v.normalize()));
+        let matrix = columns(lines);
+        Ok(Self { geometry, matrix, sensitivity, directions })
     }
 
-    /// Whitened axes: row k is the axis of gyro k times `σ_ref/σ_k`.
-    pub fn axes(&self) -> &Axes<T> {
-        &self.axes
+    /// The checked and whitened axes.
+    pub fn geometry(&self) -> &BlockGeometry<T, GYROS> {
+        &self.geometry
     }
 
-    /// The least noise of the five, to which the axes are scaled, rad/s.
-    pub fn reference_sigma(&self) -> T {
-        self.reference_sigma
-    }
-
-    /// Parity matrix V (2×5), unique up to an orthogonal 2×2 factor.
+    /// Parity matrix V (2×5).
     pub fn matrix(&self) -> &SMatrix<T, 2, GYROS> {
         &self.matrix
-    }
-
-    /// √det(AᵀA) of the whitened axes.
-    pub fn volume(&self) -> T {
-        self.volume
     }
 
     /// `‖v_k‖` of each gyro.
@@ -162,15 +67,23 @@ impl<T: RealField + Copy> ParitySpace<T> {
         &self.directions
     }
 
-    /// Information matrix `AᵀA` of the whitened axes; `σ_ref²` times its inverse is the rate's covariance.
-    pub fn information(&self) -> Matrix3<T> {
-        self.axes.tr_mul(&self.axes)
-    }
-
     /// Parity vector z = V y of measurements that were divided by their σ. `[FDI-1]`
     #[inline]
     pub fn parity(&self, whitened: &SVector<T, GYROS>) -> Vector2<T> {
         self.matrix * whitened
+    }
+
+    /// Size of the fault of a gyro that explains a parity vector best, `f̂ = v_kᵀp/‖v_k‖²`, in its σ. `[FDI-5]`
+    #[inline]
+    pub fn fault_size(&self, parity: &Vector2<T>, gyro: usize) -> T {
+        let direction = self.directions.get(gyro).copied().unwrap_or_else(Vector2::zeros);
+        direction.dot(parity) / self.sensitivity_of(gyro)
+    }
+
+    /// `‖v_k‖` of one gyro.
+    #[inline]
+    pub fn sensitivity_of(&self, gyro: usize) -> T {
+        self.sensitivity.get(gyro).copied().unwrap_or_else(T::one)
     }
 
     /// GLT statistics `q_k` = (`u_kᵀ` s)²/N of a sum s of N parity vectors. `[FDI-1]`
@@ -185,10 +98,4 @@ impl<T: RealField + Copy> ParitySpace<T> {
         }
         statistics
     }
-}
-
-/// A constant in the scalar of the computation.
-#[inline]
-pub(super) fn constant<T: RealField>(value: f64) -> T {
-    nalgebra::convert(value)
 }

@@ -6,7 +6,7 @@
 use nalgebra::RealField;
 
 use super::detector::{Alarm, DetectorConfig};
-use super::parity::constant;
+use super::geometry::constant;
 use super::sums::{Gate, SumKind};
 use super::thresholds::Thresholds;
 

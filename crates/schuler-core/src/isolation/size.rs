@@ -26,13 +26,11 @@ impl FaultSize {
         self.mean += (parity - self.mean) * weight;
     }
 
-    /// Size f̂ = `v_kᵀp/‖v_k‖²` and its standard deviation, in σ of the gyro; zeros without a sample. `[FDI-5]`
+    /// Size and its standard deviation, in σ of the gyro; zeros without a sample. `[FDI-5]`
     pub(super) fn of(&self, space: &ParitySpace<f64>, gyro: usize) -> (f64, f64) {
-        let direction = space.directions().get(gyro).copied().unwrap_or_default();
-        let sensitivity = space.sensitivity().get(gyro).copied().unwrap_or(1.0);
         let samples = f64::from(self.samples.max(1));
-        let sigma = nalgebra::ComplexField::sqrt(1.0 / samples) / sensitivity;
+        let sigma = nalgebra::ComplexField::sqrt(1.0 / samples) / space.sensitivity_of(gyro);
         let known = if self.samples > 0 { 1.0 } else { 0.0 };
-        (direction.dot(&self.mean) / sensitivity, sigma * known)
+        (space.fault_size(&self.mean, gyro), sigma * known)
     }
 }

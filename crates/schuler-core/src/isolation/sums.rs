@@ -1,7 +1,8 @@
 //! What raises an alarm: the single-sample test and the one-sided cumulative sums. Equation id FDI-6.
 use nalgebra::{RealField, Vector2};
 
-use super::parity::{GYROS, ParitySpace, constant};
+use super::geometry::constant;
+use super::parity::{GYROS, ParitySpace};
 use super::thresholds::{FAST_REFERENCE, SLOW_REFERENCE, Thresholds};
 
 /// Parity vectors added up, and how many.

@@ -1,8 +1,8 @@
 //! Decision thresholds for a stated mean time between false alarms.
 //!
-//! Sources: chi-square tail and simulated run lengths of the ten coupled sums for the two-dimensional parity of
-//! five gyros; normal tail and Siegmund's (1985) run length of a one-sided cumulative sum for the scalar parity of
-//! four. Equation ids FDI-6, FDI-9. Valid for white Gaussian parity noise.
+//! Sources: chi-square and normal tails for one sample; Siegmund's (1985) run length of a one-sided cumulative sum,
+//! with the number of sums that are as good as independent found by simulation. Equation ids FDI-6, FDI-9. Valid
+//! for white Gaussian parity noise.
 //!
 //! Each of the three detectors of a set (single sample, fast sums, slow sums) gets a third of the false alarms. When
 //! one sample beyond its threshold is not yet an alarm, the single-sample detector gives none and the sums share.
@@ -10,7 +10,7 @@
 //! In: mean number of samples between false alarms. Out: thresholds of normalised statistics.
 use nalgebra::RealField;
 
-use super::parity::constant;
+use super::geometry::constant;
 
 /// Reference value `k_a` of the fast sums, in standard deviations.
 pub const FAST_REFERENCE: f64 = 0.5;
@@ -25,8 +25,10 @@ const OVERSHOOT: f64 = 1.166;
 const DETECTORS: f64 = 3.0;
 /// Detectors that share the false alarms when the single-sample detector wants more than one sample.
 const SUM_DETECTORS: f64 = 2.0;
-/// Opposite one-sided sums that watch a scalar parity.
+/// Opposite one-sided sums that watch a scalar parity: they are never both far from zero.
 const SIDES: f64 = 2.0;
+/// The ten coupled sums along five lines give alarms as often as this many independent ones.
+const INDEPENDENT_SUMS: f64 = 8.5;
 
 /// Thresholds of one set of detectors.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,17 +44,15 @@ pub struct Thresholds<T> {
 impl<T: RealField + Copy> Thresholds<T> {
     /// For five gyros: two-dimensional parity watched along five lines. `[FDI-6]`
     ///
-    /// Anchored at 10⁵ samples, with the increments per factor of ten. `persistence`: samples in a row beyond the
-    /// single-sample threshold that make an alarm.
+    /// `persistence`: samples in a row beyond the single-sample threshold that make an alarm.
     pub fn five(false_alarm_interval: T, persistence: u32) -> Self {
-        let anchor = constant::<T>(1e5);
-        let decades = (false_alarm_interval / anchor).log10();
-        let sum_decades =
-            (false_alarm_interval * share(persistence) / (anchor * constant(DETECTORS))).log10();
+        let one_sided = false_alarm_interval * share(persistence) * constant(INDEPENDENT_SUMS);
+        let single = false_alarm_interval * constant(DETECTORS);
         Self {
-            single: constant::<T>(25.22) + constant::<T>(4.605) * decades,
-            fast: constant::<T>(12.9) + constant::<T>(2.36) * sum_decades,
-            slow: constant::<T>(53.0) + constant::<T>(12.4) * sum_decades,
+            // P(χ²₂ > c) = e^(−c/2).
+            single: constant::<T>(2.0) * single.ln(),
+            fast: siegmund(one_sided, constant(FAST_REFERENCE)),
+            slow: siegmund(one_sided, constant(SLOW_REFERENCE)),
         }
     }
 
@@ -78,7 +78,7 @@ fn siegmund<T: RealField + Copy>(run_length: T, reference: T) -> T {
     let two_k = reference + reference;
     let target = T::one() + two_k * reference * run_length;
     let mut x = target.ln();
-    for _ in 0..20 {
+    for _ in 0..8 {
         x = (target + x).ln();
     }
     x / two_k - constant(OVERSHOOT)
@@ -91,7 +91,7 @@ fn two_sided_normal_square<T: RealField + Copy>(interval: T) -> T {
     let one = T::one();
     let scale = interval * constant(0.797_884_560_802_865_4);
     let mut square = constant::<T>(20.0);
-    for _ in 0..30 {
+    for _ in 0..16 {
         let inverse = one / square;
         let series = one - inverse * (one - inverse * (constant::<T>(3.0) - inverse * constant::<T>(15.0)));
         square = constant::<T>(2.0) * (scale * series / square.sqrt()).ln();

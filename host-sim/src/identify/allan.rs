@@ -1,0 +1,186 @@
+//! Overlapping Allan deviation of a series with gaps, with its confidence interval.
+//!
+//! σ²(mΔ) = ½ ⟨(ȳ_{i+m} − ȳ_i)²⟩ over all i, with ȳ the means of m consecutive steps. Source: Riley, Handbook of
+//! Frequency Stability Analysis, NIST SP 1065: (11) for the deviation, table 5 for its equivalent degrees of freedom;
+//! the kind of noise they depend on from the lag-1 autocorrelation (Riley & Greenhall, 2004).
+use serde::Serialize;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+use super::series::{block_means, mean};
+
+/// A mean over m steps counts if at least this part of them is there. What is missing raises the white part of the
+/// variance by at most the inverse.
+const LEAST_PRESENT: f64 = 0.9;
+/// Averaging times per decade.
+const PER_DECADE: f64 = 10.0;
+/// The longest averaging time is this part of the series.
+const LONGEST: usize = 3;
+/// Fewer means than this do not show the kind of noise; that of the next shorter averaging time is taken.
+const LEAST_MEANS: usize = 30;
+/// Probability between the bounds of the interval: that of ±1 σ.
+const ONE_SIGMA: f64 = 0.682_689_492_137_085_9;
+
+/// The Allan deviation at one averaging time, in the unit of the series.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct AllanPoint {
+    /// Averaging factor m.
+    pub factor: usize,
+    /// Averaging time mΔ, s.
+    pub tau_s: f64,
+    /// Deviation σ(τ).
+    pub deviation: f64,
+    /// Lower bound of the 1-σ interval.
+    pub lower: f64,
+    /// Upper bound of the 1-σ interval.
+    pub upper: f64,
+    /// Differences averaged.
+    pub terms: usize,
+    /// Exponent α of the spectrum f^α at this averaging time: 2 quantisation, 0 white, −1 flicker, −2 random walk.
+    pub exponent: i32,
+    /// Equivalent degrees of freedom of the χ² distribution of σ².
+    pub degrees_of_freedom: f64,
+}
+
+/// The overlapping Allan deviation of `values` (NaN = missing) at ten averaging times a decade and all octaves.
+pub fn overlapping_allan(values: &[f64], step_s: f64) -> Vec<AllanPoint> {
+    let mut exponent = 0;
+    let phase = Phase::new(values);
+    factors(values.len())
+        .into_iter()
+        .filter_map(|factor| {
+            let (variance, terms) = phase.allan_variance(factor)?;
+            exponent = noise_exponent(&block_means(values, factor)).unwrap_or(exponent);
+            let degrees_of_freedom = degrees_of_freedom(terms + 2 * factor, factor, exponent);
+            let deviation = variance.sqrt();
+            let (lower, upper) = interval(deviation, degrees_of_freedom, ONE_SIGMA);
+            let tau_s = factor as f64 * step_s;
+            Some(AllanPoint { factor, tau_s, deviation, lower, upper, terms, exponent, degrees_of_freedom })
+        })
+        .collect()
+}
+
+/// Overlapping Allan variance at each of `factors`, `None` where there is no pair of means.
+pub(super) fn allan_variances(values: &[f64], factors: &[usize]) -> Vec<Option<f64>> {
+    let phase = Phase::new(values);
+    factors.iter().map(|&factor| Some(phase.allan_variance(factor)?.0)).collect()
+}
+
+/// Interval of `deviation` that holds the true one with `probability`, χ² with `degrees_of_freedom`.
+pub(super) fn interval(deviation: f64, degrees_of_freedom: f64, probability: f64) -> (f64, f64) {
+    let Ok(distribution) = ChiSquared::new(degrees_of_freedom) else { return (0.0, f64::INFINITY) };
+    let bound = |probability| deviation * (degrees_of_freedom / distribution.inverse_cdf(probability)).sqrt();
+    (bound(0.5 + probability / 2.0), bound(0.5 - probability / 2.0))
+}
+
+fn factors(count: usize) -> Vec<usize> {
+    let longest = count / LONGEST;
+    let decades = (0..).map(|k| 10_f64.powf(f64::from(k) / PER_DECADE).round() as usize);
+    let octaves = (0..usize::BITS).map(|k| 1_usize << k);
+    let mut factors: Vec<usize> = decades
+        .take_while(|&factor| factor <= longest)
+        .chain(octaves.take_while(|&factor| factor <= longest))
+        .collect();
+    factors.sort_unstable();
+    factors.dedup();
+    factors
+}
+
+/// Running sums of the deviations from the mean, and of how many are there.
+struct Phase {
+    sums: Vec<f64>,
+    present: Vec<u32>,
+    complete: bool,
+}
+
+impl Phase {
+    fn new(values: &[f64]) -> Self {
+        let mean = mean(values);
+        let (mut sum, mut present) = (0.0, 0);
+        let (mut sums, mut presents) =
+            (Vec::with_capacity(values.len() + 1), Vec::with_capacity(values.len() + 1));
+        sums.push(sum);
+        presents.push(present);
+        for value in values {
+            if value.is_finite() {
+                sum += value - mean;
+                present += 1;
+            }
+            sums.push(sum);
+            presents.push(present);
+        }
+        let complete = present as usize == values.len();
+        Self { sums, present: presents, complete }
+    }
+
+    /// Variance and number of differences behind it.
+    fn allan_variance(&self, factor: usize) -> Option<(f64, usize)> {
+        let first = self.sums.iter().zip(&self.present);
+        let middle = first.clone().skip(factor);
+        let last = first.clone().skip(2 * factor);
+        let least = LEAST_PRESENT * factor as f64;
+        let (mut squares, mut terms) = (0.0, 0_usize);
+        for (((a, &a_present), (b, &b_present)), (c, &c_present)) in first.zip(middle).zip(last) {
+            let (early, late) = (f64::from(b_present - a_present), f64::from(c_present - b_present));
+            if self.complete || early >= least && late >= least {
+                let difference = (c - b) / late - (b - a) / early;
+                squares += difference * difference;
+                terms += 1;
+            }
+        }
+        (terms > 0).then(|| (squares / (2.0 * terms as f64), terms))
+    }
+}
+
+/// Exponent of the spectrum of a series from its lag-1 autocorrelation r₁: while ρ = r₁/(1 + r₁) ≥ ¼ it is
+/// differenced, at most twice; then α = −2(ρ + d), rounded. `None` for fewer than 30 values.
+fn noise_exponent(means: &[f64]) -> Option<i32> {
+    let mut series: Vec<f64> = means.to_vec();
+    for differenced in 0..=2 {
+        let detrended = without_line(&series);
+        if detrended.iter().filter(|value| value.is_finite()).count() < LEAST_MEANS - 2 {
+            return None;
+        }
+        let products: f64 = present(detrended.iter().zip(detrended.iter().skip(1)).map(|(a, b)| a * b)).sum();
+        let squares: f64 = present(detrended.iter().map(|a| a * a)).sum();
+        let ratio = products / squares;
+        let rho = ratio / (1.0 + ratio);
+        if rho < 0.25 || differenced == 2 {
+            return Some((-(2.0 * rho).round() as i32 - 2 * differenced).clamp(-2, 2));
+        }
+        series = series.iter().zip(series.iter().skip(1)).map(|(a, b)| b - a).collect();
+    }
+    None
+}
+
+fn present(values: impl Iterator<Item = f64>) -> impl Iterator<Item = f64> {
+    values.filter(|value| value.is_finite())
+}
+
+/// The series without its least-squares line.
+fn without_line(values: &[f64]) -> Vec<f64> {
+    let times: Vec<f64> = (0..values.len()).map(|time| time as f64).collect();
+    let Some(line) = super::trend::trend(&times, values) else { return values.to_vec() };
+    values.iter().zip(times).map(|(value, time)| value - line.intercept - line.slope_per_s * time).collect()
+}
+
+/// Equivalent degrees of freedom of the overlapping Allan variance of noise with spectrum f^`exponent`, from `count`
+/// values of phase at averaging factor m = `factor`. `[NIST SP 1065, table 5; the printed flicker term for m = 1 lacks
+/// the square that its source has: Howe, Allan & Barnes, 1981]`
+fn degrees_of_freedom(count: usize, factor: usize, exponent: i32) -> f64 {
+    let (n, m) = (count as f64, factor as f64);
+    let degrees = match exponent {
+        2 => (n + 1.0) * (n - 2.0 * m) / (2.0 * (n - m)),
+        1 => {
+            let (a, b) = ((n - 1.0) / (2.0 * m), (2.0 * m + 1.0) * (n - 1.0) / 4.0);
+            (a.ln() * b.ln()).max(0.0).sqrt().exp()
+        }
+        0 => (1.5 * (n - 1.0) / m - 2.0 * (n - 2.0) / n) * (4.0 * m * m) / (4.0 * m * m + 5.0),
+        -1 if factor == 1 => 2.0 * (n - 2.0) * (n - 2.0) / (2.3 * n - 4.9),
+        -1 => 5.0 * n * n / (4.0 * m * (n + 3.0 * m)),
+        _ => {
+            let squares = (n - 1.0) * (n - 1.0) - 3.0 * m * (n - 1.0) + 4.0 * m * m;
+            (n - 2.0) / m * squares / ((n - 3.0) * (n - 3.0))
+        }
+    };
+    degrees.max(1.0)
+}

@@ -1,0 +1,157 @@
+//! `schuler identify`: the noise of each sensor of a recording.
+//!
+//! | module | computes |
+//! | --- | --- |
+//! | [`series`] | the error series: readings less the ideal sensor's output |
+//! | [`trend`] | mean and straight line |
+//! | [`autocorrelation`] | unbiased autocorrelation over gaps |
+//! | [`allan`] | overlapping Allan deviation with χ² intervals |
+//! | [`power_law`] | quantisation, random walk, bias instability, rate random walk, ramp |
+//! | [`published`] | the published read-out of the autocorrelation, on block means |
+//! | [`likelihood`] | restricted maximum likelihood of white, Markov, exponential-cosine and random-walk noise |
+//! | [`structure`] | which of these the sensor has |
+//! | [`model_curves`] | what the fits say of autocorrelation and Allan variance, for plots |
+//! | [`field_units`] | the units in which the field quotes coefficients |
+//! | [`report`] | all of it as data |
+//! | [`figures`] | all of it as figures |
+//! | [`summary`] | all of it as text |
+pub mod allan;
+pub mod autocorrelation;
+pub mod field_units;
+pub mod figures;
+pub mod likelihood;
+pub mod model_curves;
+pub mod power_law;
+pub mod published;
+pub mod report;
+pub mod series;
+pub mod structure;
+pub mod summary;
+pub mod trend;
+
+use rayon::prelude::*;
+use schuler_recording::Recording;
+use schuler_recording::recording::SensorSeries;
+
+use allan::{AllanPoint, overlapping_allan};
+use autocorrelation::{Centre, autocorrelation};
+use field_units::coefficient_names;
+use likelihood::{Fit, Removed};
+use model_curves::{allan_variance_of, autocorrelation_of};
+use power_law::{PowerLaws, fit_power_laws};
+use report::{AllanReport, AutocorrelationReport, Identification, SensorIdentification};
+use series::error_series;
+use structure::{NoiseStructure, noise_structure};
+
+/// What is asked of the identification.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Options {
+    /// Longest lag of the reported autocorrelation, in steps; never more than half of the recording.
+    pub longest_lag: usize,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { longest_lag: 1000 }
+    }
+}
+
+/// The noise of every sensor of `recording`, sensors in parallel. `done` is called with the id of each sensor as it is
+/// finished, for a progress bar.
+pub fn identify(recording: &Recording, options: Options, done: impl Fn(&str) + Sync) -> Identification {
+    let sensors = recording
+        .sensors
+        .par_iter()
+        .map(|sensor| {
+            let found = identify_sensor(recording, sensor, options);
+            done(&sensor.sensor.id);
+            found
+        })
+        .collect();
+    Identification {
+        format: report::FORMAT,
+        title: recording.case.title.clone(),
+        time_column: recording.case.recording.time.clone(),
+        step_s: recording.step_s,
+        rows: recording.len(),
+        rows_in_gaps: recording.gaps.iter().map(|gap| gap.missing).sum(),
+        sensors,
+        warnings: recording.warnings.clone(),
+    }
+}
+
+fn identify_sensor(recording: &Recording, sensor: &SensorSeries, options: Options) -> SensorIdentification {
+    let series = error_series(recording, sensor);
+    let (values, step_s) = (series.values.as_slice(), series.step_s);
+    let present = values.iter().filter(|value| value.is_finite()).count();
+    let elapsed_s: Vec<f64> = recording.elapsed_s().collect();
+    let allan = overlapping_allan(values, step_s);
+    let laws = fit_power_laws(&allan, values.len(), step_s);
+    let structure = noise_structure(values, step_s);
+    SensorIdentification {
+        id: sensor.sensor.id.clone(),
+        column: sensor.sensor.column.clone(),
+        kind: sensor.sensor.kind.to_string(),
+        unit: sensor.sensor.unit,
+        written_unit: sensor.written_unit,
+        written_unit_in_si: sensor.written_unit.in_si(),
+        present,
+        missing: values.len() - present,
+        trend: trend::trend(&elapsed_s, values),
+        autocorrelation: autocorrelation_report(values, step_s, options, &structure),
+        floor: report::floor(&allan),
+        allan: allan_report(&allan, laws.as_ref(), &structure),
+        coefficients: laws.as_ref().map_or_else(Vec::new, |laws| {
+            report::coefficients(laws, &coefficient_names(sensor.sensor.kind.dimension()))
+        }),
+        power_laws_p: laws.as_ref().map(|laws| laws.p_value),
+        structure: report::structure_report(&structure, step_s, sensor.written_unit),
+        subtracted: series.subtracted,
+    }
+}
+
+fn autocorrelation_report(
+    values: &[f64],
+    step_s: f64,
+    options: Options,
+    structure: &NoiseStructure,
+) -> AutocorrelationReport {
+    let lags = options.longest_lag.min(values.len() / 2);
+    let found = autocorrelation(values, lags, Centre::Mean);
+    let variance = found.values.first().copied().unwrap_or(f64::NAN);
+    let stationary = |fit: &&Fit| structure.factor == 1 && !fit.parts.walk && fit.removed == Removed::Mean;
+    let model = structure.chosen().filter(stationary).map_or_else(Vec::new, |fit| {
+        // The mean takes the variance of the mean from every lag: the square of the level's standard deviation.
+        let taken = fit.level.1 * fit.level.1;
+        (0..found.values.len()).map(|lag| autocorrelation_of(&fit.parameters, lag) - taken).collect()
+    });
+    AutocorrelationReport {
+        step_s,
+        correlation: found.values.iter().map(|value| value / variance).collect(),
+        covariance: found.values,
+        pairs: found.pairs,
+        model,
+    }
+}
+
+fn allan_report(
+    points: &[AllanPoint],
+    laws: Option<&PowerLaws>,
+    structure: &NoiseStructure,
+) -> Vec<AllanReport> {
+    let of_structure = |point: &AllanPoint| {
+        let fit = structure.chosen()?;
+        // Fitted values are means over `factor` steps; shorter averaging times are not theirs to say.
+        let factor =
+            point.factor.is_multiple_of(structure.factor).then(|| point.factor / structure.factor)?;
+        Some(allan_variance_of(fit, factor).max(0.0).sqrt())
+    };
+    points
+        .iter()
+        .map(|point| AllanReport {
+            point: *point,
+            power_laws: laws.map(|laws| power_law::variance(&laws.squares, point.tau_s).sqrt()),
+            structure: of_structure(point),
+        })
+        .collect()
+}

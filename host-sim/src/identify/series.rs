@@ -1,0 +1,93 @@
+//! The error series of a sensor: its readings less what an ideal sensor would have read.
+use schuler_recording::Recording;
+use schuler_recording::motion::{Prediction, predict};
+use schuler_recording::recording::SensorSeries;
+use serde::Serialize;
+
+/// A series of errors on the nominal step grid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Series {
+    /// Nominal step, s.
+    pub step_s: f64,
+    /// Errors in the SI unit of the sensor; NaN = missing.
+    pub values: Vec<f64>,
+    /// What was taken from the readings.
+    pub subtracted: Subtracted,
+}
+
+/// What was taken from the readings.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(tag = "what", rename_all = "snake_case")]
+pub enum Subtracted {
+    /// Nothing, because the motion does not say what an ideal sensor would have read.
+    Nothing {
+        /// What the case lacks.
+        because: String,
+    },
+    /// A constant: the body was at rest.
+    Constant {
+        /// The constant, in the SI unit of the sensor; 0 for a sensor read against an unknown constant.
+        value: f64,
+    },
+    /// The predicted output for the recorded motion.
+    Motion,
+}
+
+/// The error series of `sensor` in `recording`.
+pub fn error_series(recording: &Recording, sensor: &SensorSeries) -> Series {
+    let (values, subtracted) = match predict(recording, &sensor.sensor) {
+        Ok(Prediction::Constant(constant)) => (
+            sensor.values.iter().map(|value| value - constant).collect(),
+            Subtracted::Constant { value: constant },
+        ),
+        Ok(Prediction::Series(motion)) => {
+            let errors = sensor.values.iter().zip(motion).map(|(value, motion)| value - motion).collect();
+            (errors, Subtracted::Motion)
+        }
+        Err(lacking) => (sensor.values.clone(), Subtracted::Nothing { because: lacking.to_string() }),
+    };
+    Series { step_s: recording.step_s, values, subtracted }
+}
+
+/// Mean of the values that are there, NaN if none is. Deviations from the first are summed, so that a small spread
+/// about a large mean keeps its digits.
+pub fn mean(values: &[f64]) -> f64 {
+    let mut present = values.iter().copied().filter(|value| value.is_finite());
+    let Some(first) = present.clone().next() else { return f64::NAN };
+    let count = present.clone().count();
+    first + present.by_ref().map(|value| value - first).sum::<f64>() / count as f64
+}
+
+/// Means of `factor` consecutive steps each, those with fewer than half of their values missing. A rest at the end
+/// that does not fill a block is left out.
+pub fn block_means(values: &[f64], factor: usize) -> Vec<f64> {
+    if factor <= 1 {
+        return values.to_vec();
+    }
+    let block_mean = |block: &[f64]| {
+        let present = block.iter().filter(|value| value.is_finite()).count();
+        if 2 * present >= block.len() { mean(block) } else { f64::NAN }
+    };
+    values.chunks_exact(factor).map(block_mean).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn means_keep_the_digits_of_a_small_spread() {
+        let values = [1e6 + 1e-7, f64::NAN, 1e6 - 1e-7, 1e6];
+        assert!((mean(&values) - 1e6).abs() < 1e-9);
+        assert!(mean(&[f64::NAN]).is_nan());
+    }
+
+    #[test]
+    fn block_means_need_half_of_their_values() {
+        let nan = f64::NAN;
+        let means = block_means(&[1.0, 3.0, nan, 4.0, nan, nan, 9.0], 2);
+        assert_eq!(&means[..2], [2.0, 4.0]);
+        assert!(means[2].is_nan());
+        assert_eq!(means.len(), 3);
+    }
+}

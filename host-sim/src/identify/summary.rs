@@ -1,0 +1,98 @@
+//! The identification as text, in the units of the case and of the field.
+use std::fmt::{self, Write};
+
+use super::report::{Estimate, Identification, ModelReport, Quoted, SensorIdentification};
+
+/// A fit that noise of its own kind beats this often or more is taken for good.
+const LEAST_P: f64 = 0.05;
+
+impl fmt::Display for Identification {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { title, rows, rows_in_gaps, step_s, .. } = self;
+        writeln!(f, "{title}")?;
+        writeln!(f, "{rows} steps of {step_s} s, {rows_in_gaps} of them in gaps")?;
+        for warning in &self.warnings {
+            writeln!(f, "warning: {warning}")?;
+        }
+        self.sensors.iter().try_for_each(|sensor| write!(f, "\n{sensor}"))
+    }
+}
+
+impl fmt::Display for SensorIdentification {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let unit = self.written_unit;
+        writeln!(f, "{} ({}), {} values, {} missing", self.id, self.kind, self.present, self.missing)?;
+        let Some(model) = self.structure.models.first() else {
+            return writeln!(f, "  too few values, or all the same");
+        };
+        let mut line = |label: &str, text: &str| writeln!(f, "  {label:<26}{text}");
+        line("mean", &format!("{} {unit}", self.written(&model.level, 1.0)))?;
+        if let Some(slope) = &model.slope_per_s {
+            line("trend", &format!("{} {unit}/h", self.written(slope, 3600.0)))?;
+        }
+        line("noise", &self.described(model)?)?;
+        if let Some(p) = self.structure.whiteness_p.filter(|&p| p < LEAST_P) {
+            line("", &format!("its innovations are not white (p = {p:.1e}): there is more in it"))?;
+        }
+        if let Some(floor) = &self.floor {
+            let deviation = floor.deviation / self.written_unit_in_si;
+            let reached = if floor.reached { "" } else { ", and not rising again" };
+            line("Allan floor", &format!("{deviation:.3e} {unit} at {:.0} s{reached}", floor.tau_s))?;
+        }
+        for coefficient in &self.coefficients {
+            let label = format!("{} {}", coefficient.symbol, coefficient.name);
+            line(&label, &coefficient.field.described())?;
+        }
+        if self.power_laws_p.is_some_and(|p| p < LEAST_P) {
+            line("", "power laws alone do not describe it: see its noise above")?;
+        }
+        Ok(())
+    }
+}
+
+impl SensorIdentification {
+    /// An estimate in SI units, times `factor`, in the unit of the case.
+    fn written(&self, estimate: &Estimate, factor: f64) -> String {
+        let scale = factor / self.written_unit_in_si;
+        plus_minus(&Estimate {
+            value: estimate.value * scale,
+            standard_deviation: estimate.standard_deviation.map(|sigma| sigma * scale),
+            ..*estimate
+        })
+    }
+
+    /// The model in words, in the unit of the case.
+    fn described(&self, model: &ModelReport) -> Result<String, fmt::Error> {
+        let unit = self.written_unit;
+        let written = |estimate: &Estimate| self.written(estimate, 1.0);
+        let mut text = format!("white {} {unit}", written(&model.white));
+        for markov in &model.markov {
+            write!(text, "; Markov {} {unit}, tau {} s", written(&markov.sigma), plus_minus(&markov.tau_s))?;
+        }
+        if let Some(noise) = &model.exp_cos {
+            write!(text, "; exponential-cosine {} {unit}, ", written(&noise.sigma))?;
+            write!(text, "alpha {} 1/s, beta {} rad/s", plus_minus(&noise.alpha), plus_minus(&noise.beta))?;
+        }
+        if let Some(walk) = &model.random_walk {
+            write!(text, "; random walk {} {unit}/sqrt(s)", written(walk))?;
+        }
+        Ok(text)
+    }
+}
+
+impl Quoted {
+    fn described(&self) -> String {
+        match (self.value, self.standard_deviation) {
+            (Some(value), Some(sigma)) => format!("{value:.3e} ± {sigma:.1e} {}", self.unit),
+            _ => format!("not seen, below {:.1e} {}", self.below, self.unit),
+        }
+    }
+}
+
+fn plus_minus(estimate: &Estimate) -> String {
+    let weak = if estimate.weak { " (weak)" } else { "" };
+    match estimate.standard_deviation {
+        Some(sigma) => format!("{:.4e} ± {sigma:.1e}{weak}", estimate.value),
+        None => format!("{:.4e}{weak}", estimate.value),
+    }
+}
