@@ -188,7 +188,7 @@ fn words(answer: &Answer) -> String {
          With the noise of the data sheet, which is wrong by ten:\n{}\n    {}\n\
          With the noise found in flight:\n{}\n    {}\n\
          \n\
-         Of five gyros, {} began to drift at {:.0} s; {found}. Alarms before that: {}.\n\
+         Of five gyros, {} failed at {:.0} s; {found}. Alarms before that: {}.\n\
          \n\
          Everything is in {}.\n",
         answer.hours,

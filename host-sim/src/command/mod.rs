@@ -2,10 +2,10 @@
 //!
 //! | module | does |
 //! | --- | --- |
-//! | [`simulate`] | a scenario → recording, case and truth |
-//! | [`fly`] | a case → through the flight module |
-//! | [`identify`] | a case → noise of each sensor |
-//! | [`demo`] | all of it at once, on a flight of its own |
+//! | `simulate` | a scenario → recording, case and truth |
+//! | `fly` | a case → through the flight module |
+//! | `identify` | a case → noise of each sensor |
+//! | `demo` | all of it at once, on a flight of its own |
 //!
 //! Results go to standard output, as text or with `--json` as one JSON document; progress and warnings go to standard
 //! error. Exit status: 0 done, 2 bad input (one line: file, line, field, what was expected), 130 stopped, 1 anything else.

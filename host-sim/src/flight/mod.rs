@@ -2,7 +2,7 @@
 //!
 //! | module | does |
 //! | --- | --- |
-//! | [`plan`] | case and recording → one or more channels: configuration and inputs of the module |
+//! | [`mod@plan`] | case and recording → one or more channels: configuration and inputs of the module |
 //! | [`mission`] | runs a channel on this machine or on the emulated target |
 //! | [`summary`] | what a run says of the filter, the noise and the gyros |
 //! | [`truth`] | what a simulation has left of the truth |

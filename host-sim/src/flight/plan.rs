@@ -9,8 +9,9 @@
 //! What a case does not say has these defaults: noise of accelerometer and gyro as [`ModuleConfig::default`]
 //! (10⁻⁴ g over 60 s, 0.1 °/h over 1800 s); noise of the velocity 0.1 m/s; velocity error at the start ten times the
 //! velocity noise, at least 0.1 m/s; tilt at the start 10⁻⁴ rad; noise of a gyro 0.02 °/h; range of a gyro 10 rad/s;
-//! relative error of a gyro 10⁻⁵, micromechanical 10⁻². The constant parity of the block is measured over the first 600
-//! steps (a tenth of a shorter recording), in which no fault is detected.
+//! relative error of a gyro 10⁻⁵, micromechanical 10⁻². Where a gyro is `relative`, the constant parity of the block is
+//! measured over the first tenth of the recording, at most 3600 steps, in which no fault is detected; otherwise the
+//! nominal biases are taken for exact.
 //! A missing reading, and a step that the recording lacks, is a reading of quality missing; a quantised reading has the
 //! variance of its step added to its white noise.
 use std::collections::BTreeSet;
@@ -43,8 +44,9 @@ const FINE_RELATIVE_ERROR: f64 = 1e-5;
 const COARSE_RELATIVE_ERROR: f64 = 1e-2;
 /// Above this many standard deviations of leaked rate the cumulative sums are suspended.
 const LEAK: f64 = 0.045;
-/// Longest time over which the constant parity is measured at the start, samples; a tenth of a shorter recording.
-const LONGEST_CALIBRATION: usize = 600;
+/// Longest time over which the constant parity is measured at the start, samples; a tenth of a shorter recording. A
+/// constant that is off by more than a few hundredths of σ makes the slow sums raise false alarms.
+const LONGEST_CALIBRATION: usize = 3600;
 /// A measured constant above this many standard deviations is a fault.
 const OFFSET_LIMIT: f64 = 20.0;
 /// Doppler axes whose least singular value is below this do not span space.
@@ -269,7 +271,11 @@ fn isolation(recording: &Recording, five: &[&SensorSeries; GYROS]) -> IsolationC
         sigma,
         range: GYRO_RANGE,
         offset: five.map(|series| series.sensor.nominal.bias),
-        calibration_samples: (recording.len() / 10).min(LONGEST_CALIBRATION) as u32,
+        calibration_samples: if five.iter().any(|series| series.sensor.relative) {
+            (recording.len() / 10).min(LONGEST_CALIBRATION) as u32
+        } else {
+            0
+        },
         offset_limit: OFFSET_LIMIT * sigma.iter().copied().fold(0.0, f64::max),
         relative_error,
         rate_limit: LEAK / (relative_error * precision),
