@@ -3,6 +3,7 @@
 #![allow(unsafe_code)]
 use core::arch::asm;
 
+use cortex_m::singleton;
 use heapless::Vec;
 use schuler_core::module::FlightModule;
 use schuler_link::endpoint::{Endpoint, Reaction};
@@ -30,13 +31,18 @@ pub fn run(endpoint: &mut Endpoint, module: &mut FlightModule) -> ! {
     let (Some(input), Some(output)) = (open(INPUT, MODE_READ), open(OUTPUT, MODE_WRITE)) else {
         defmt::panic!("the emulator does not open its standard input and output");
     };
-    let mut answers = Answers { bytes: Vec::new(), output };
-    let mut bytes = [0; 4096];
+    // Not on the stack, which is as small as on the board.
+    let (Some(queue), Some(bytes)) =
+        (singleton!(: Vec<u8, 8192> = Vec::new()), singleton!(: [u8; 4096] = [0; 4096]))
+    else {
+        defmt::panic!("the main loop is entered once");
+    };
+    let mut answers = Answers { bytes: queue, output };
     answers.push(endpoint.banner());
     loop {
         answers.flush();
         log::drain();
-        let received = read(input, &mut bytes);
+        let received = read(input, bytes);
         if received.is_empty() {
             defmt::info!("the host has closed the line");
             log::flush();
@@ -57,7 +63,7 @@ pub fn run(endpoint: &mut Endpoint, module: &mut FlightModule) -> ! {
 
 /// Frames on their way out: a call into the emulator costs as much as many frames.
 struct Answers {
-    bytes: Vec<u8, 8192>,
+    bytes: &'static mut Vec<u8, 8192>,
     output: usize,
 }
 
@@ -72,7 +78,7 @@ impl Answers {
 
     fn flush(&mut self) {
         if !self.bytes.is_empty() {
-            write(self.output, &self.bytes);
+            write(self.output, self.bytes);
             self.bytes.clear();
         }
     }

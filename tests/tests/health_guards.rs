@@ -99,8 +99,7 @@ fn hlt_5_corrected_value_from_what_there_is() {
     let mut before = Monitored::<f64, 2>::delivered();
     feed(&mut before, &flight(3, &[(NOMINAL, 300), (JUMP, 30)], 2.0));
     let (radio, inertial) = (Reading::good(102.3), Reading::good(100.2));
-    let step =
-        |radio: &Reading<f64>, inertial: &Reading<f64>| { before }.monitor.step(radio, inertial, 1);
+    let step = |radio: &Reading<f64>, inertial: &Reading<f64>| { before }.monitor.step(radio, inertial, 1);
 
     let both = step(&radio, &inertial);
     let corrected = both.corrected.expect("two readings");
@@ -336,6 +335,18 @@ proptest! {
             prop_assert!(output.nis >= 0.0 && output.nis <= 1e12 && output.log_likelihood.is_finite());
         }
     }
+}
+
+/// Configuration and output survive being sent.
+#[test]
+fn health_configuration_and_output_survive_being_sent() {
+    let config = HealthConfig::<f32, 3>::doppler_against_inertial_three_levels();
+    let text = serde_json::to_string(&config).expect("serialisable");
+    assert_eq!(config, serde_json::from_str(&text).expect("the same"));
+    let mut monitored = Monitored::with(&config);
+    let output = *monitored.feed(Some(0.3), 1);
+    let text = serde_json::to_string(&output).expect("serialisable");
+    assert_eq!(output, serde_json::from_str(&text).expect("the same"));
 }
 
 /// Every field that cannot be flown is named.

@@ -2,7 +2,7 @@
 use std::time::Instant;
 
 use host_sim::emulator::{Emulator, HostModule, Target, Transport};
-use schuler_core::module::{ModuleConfig, StepOutput};
+use schuler_core::module::{ModuleConfig, Status, StepOutput};
 
 use common::flight::Flight;
 
@@ -28,8 +28,15 @@ fn bits(output: &StepOutput) -> Vec<u8> {
     postcard::to_slice(output, &mut buffer).unwrap().to_vec()
 }
 
-fn fly_both(emulator: &mut Emulator, steps: usize) {
+/// Everything that the outputs reported, and how often the filter was retuned.
+struct Reported {
+    status: Status,
+    retunes: u16,
+}
+
+fn fly_both(emulator: &mut Emulator, steps: usize) -> Reported {
     let mut compared = 0;
+    let mut reported = Reported { status: Status::empty(), retunes: 0 };
     for (seed, config) in configurations().iter().enumerate() {
         let mut host = HostModule::new();
         host.configure(config).unwrap();
@@ -39,6 +46,10 @@ fn fly_both(emulator: &mut Emulator, steps: usize) {
         let begin = Instant::now();
         let expected: Vec<_> = inputs.iter().map(|input| host.step(input).unwrap()).collect();
         let host_s = begin.elapsed().as_secs_f64();
+        for output in &expected {
+            reported.status |= output.status;
+            reported.retunes += u16::from(output.status.contains(Status::RETUNED));
+        }
 
         let begin = Instant::now();
         for ((input, expected), output) in
@@ -62,6 +73,7 @@ fn fly_both(emulator: &mut Emulator, steps: usize) {
     }
     assert_eq!(compared, steps, "every step was compared");
     assert_eq!(emulator.counters().unwrap().steps as usize, steps, "and run once");
+    reported
 }
 
 #[test]
@@ -70,7 +82,11 @@ fn a_long_flight_gives_the_same_bits() {
         return;
     }
     let mut emulator = common::start(Transport::Fifo);
-    fly_both(&mut emulator, LONG);
+    let reported = fly_both(&mut emulator, LONG);
+    say!("{} retunings, status {:?}", reported.retunes, reported.status);
+    assert!(reported.retunes >= 3, "the flight must be retuned");
+    let unlikely = Status::COVARIANCE_RESET | Status::NOT_CONFIGURED;
+    assert_eq!(reported.status | unlikely, Status::all(), "every flag must have been up");
     // The image says so itself when it comes to its end.
     let image = emulator.image().to_owned();
     let (well, log) = emulator.finish().unwrap();

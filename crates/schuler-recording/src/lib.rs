@@ -1,1 +1,26 @@
-//! Placeholder.
+//! Cases and recordings: what a sensor's output was, what its user believes about it, and what the body really did.
+//!
+//! | module | holds |
+//! | --- | --- |
+//! | [`case`] | the case file `schuler-case/1`, as written: types, reader, writer |
+//! | [`unit`] | the units of the case file and their conversion to SI |
+//! | [`table`] | tables of numbers: CSV and gzipped CSV, read and written |
+//! | [`recording`] | case and table together: arrays in SI units on the nominal step grid, gaps marked |
+//! | [`motion`] | Earth rate, gravity and attitude; the ideal sensor's output for the recorded or static motion |
+//! | [`document`] | a TOML document read field by field, with every mistake named by file, line, field and expectation |
+//! | [`error`] | what is wrong with a file, and where |
+//!
+//! Everything past [`recording`] is in SI units and radians (temperature in °C by convention); nothing else
+//! converts. No input makes anything here panic.
+
+pub mod case;
+pub mod document;
+pub mod error;
+pub mod motion;
+pub mod recording;
+pub mod table;
+pub mod unit;
+
+pub use case::{Case, CaseFile};
+pub use error::{Error, Problem};
+pub use recording::Recording;

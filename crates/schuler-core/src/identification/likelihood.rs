@@ -18,7 +18,7 @@
 //! The published loop alone ([`super::PublishedLoop`]) does not converge; why stands there.
 
 use super::bank::{ChannelNoise, FilterBank, Grid};
-use super::read_out::{PASSES, ReadOut};
+use super::read_out::{LAGS, PASSES, ReadOut};
 use super::replay::{ColouredChannels, Hypothesis, Replay, Stretch};
 use super::simplex::Simplex;
 use super::structure::ExponentialCosine;
@@ -69,6 +69,12 @@ const WEAK_DROP: f32 = 2.0;
 const OBSERVED_SHARE: f32 = 0.03;
 /// Correlation times of the accelerometer error that must fit into the time before the first identification.
 const FIRST_TAUS: f32 = 20.0;
+
+/// Samples without which an identification is not begun: four times the lags of the read-out.
+const LEAST_SAMPLES: u32 = 4 * LAGS as u32;
+
+/// Samples of the longest gap that the module bridges.
+const LONGEST_GAP: u32 = 60;
 
 /// The bank's grid knows a correlation time only to a factor of ten, so the wait for them has a limit, as a multiple of
 /// the configured time.
@@ -227,6 +233,9 @@ impl LikelihoodIdentifier {
             self.wide.start_member(index, &noise.prior(filter), prior(filter, config, &noise));
         }
         self.wide.start_at(0);
+        let in_use = self.in_use;
+        self.stretch = self.whole_window();
+        self.evaluate(filter, &in_use);
     }
 
     /// One step: takes the velocity error (m/s) or a gap and the main filter's state after it, does one quantum
@@ -305,25 +314,25 @@ impl LikelihoodIdentifier {
             Phase::Waiting => self.wait(filter, config),
             Phase::ReadOut { pass } => {
                 let read_out = &mut self.read_out;
-                let take = |index, state: &Gaussian<f32>| read_out.take(index, state);
+                let take = |index, state: &Gaussian<f32>, counts| read_out.take(index, state, counts);
                 if self.replay.advance(&self.window, READ_OUT_SAMPLES, take) {
                     self.next_pass(filter, pass + 1);
                 }
             }
             Phase::Fit { channel } => self.fit(filter, config, channel),
             Phase::Search { .. } | Phase::Check { .. } | Phase::Probe { .. } | Phase::Populate { .. } => {
-                if self.replay.advance(&self.window, REPLAY_SAMPLES, |_, _| ()) {
+                if self.replay.advance(&self.window, REPLAY_SAMPLES, |_, _, _| ()) {
                     self.evaluated(filter, config);
                 }
             }
             Phase::Coloured { channel, scan } => {
-                if self.coloured_replay.advance(&self.window, COLOURED_SAMPLES, |_, _| ()) {
+                if self.coloured_replay.advance(&self.window, COLOURED_SAMPLES, |_, _, _| ()) {
                     self.coloured_evaluated(filter, config, channel, scan);
                 }
             }
             Phase::CatchUp => {
                 self.coloured_replay.extend_to(self.window.completed());
-                let there = self.coloured_replay.advance(&self.window, COLOURED_SAMPLES, |_, _| ());
+                let there = self.coloured_replay.advance(&self.window, COLOURED_SAMPLES, |_, _, _| ());
                 let there = there || self.coloured.is_none();
                 let spare = 1 - self.active.unwrap_or(1);
                 let variance_of_one = filter.velocity_noise * filter.velocity_noise;
@@ -348,15 +357,33 @@ impl LikelihoodIdentifier {
         let first = self.retunes == 0;
         let early =
             first && (self.steps as f32) * filter.step_s < enough_s.min(FIRST_PATIENCE * config.first_s);
-        if self.steps < self.due || early || completed < 4 * LAGS_AT_LEAST {
+        if self.steps < self.due || early || completed < LEAST_SAMPLES {
+            // The step's work is done all the same, and counts for nothing: the worst case is the only case.
+            if self.replay.advance(&self.window, REPLAY_SAMPLES, |_, _, _| ()) {
+                self.stretch = self.whole_window();
+                let in_use = self.in_use;
+                self.evaluate(filter, &in_use);
+            }
             return;
         }
-        let begin = completed.saturating_sub(WINDOW);
-        self.stretch = Stretch { begin, end: completed, from_start: begin == 0 };
+        self.stretch = self.whole_window();
         self.found_value = f32::NEG_INFINITY;
         self.cosine = [None; 2];
         self.due = self.steps + steps_in(config.interval_s, filter.step_s);
         self.begin_search(filter, config, 0);
+    }
+
+    /// The newest [`WINDOW`] samples; one that does not begin at power-on begins with a measurement, from which
+    /// the velocity starts.
+    fn whole_window(&self) -> Stretch {
+        let end = self.window.completed();
+        let mut begin = end.saturating_sub(WINDOW);
+        let from_start = begin == 0;
+        for _ in 0..LONGEST_GAP {
+            let gap = !from_start && !self.window.sample(begin).is_present();
+            begin += u32::from(gap && begin < end);
+        }
+        Stretch { begin, end, from_start }
     }
 
     fn begin_search(&mut self, filter: &FilterConfig<f32>, config: &IdentificationConfig, start: u8) {
@@ -689,9 +716,6 @@ impl Default for LikelihoodIdentifier {
         Self::new()
     }
 }
-
-/// Samples without which an identification is not begun: the read-out needs more than its lags.
-const LAGS_AT_LEAST: u32 = super::read_out::LAGS as u32;
 
 /// Where the parameters may lie.
 struct Limits {

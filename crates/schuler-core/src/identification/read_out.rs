@@ -71,20 +71,20 @@ impl ReadOut {
         }
     }
 
-    /// Takes the state after sample `index`.
+    /// Takes the state after sample `index`, if it `counts`.
     #[inline]
-    pub fn take(&mut self, index: u32, state: &Gaussian<f32>) {
-        if index < self.first {
-            return;
-        }
-        self.count += 1;
+    pub fn take(&mut self, index: u32, state: &Gaussian<f32>, counts: bool) {
+        let counts = counts && index >= self.first;
+        let weight = if counts { 1.0 } else { 0.0 };
+        self.count += u32::from(counts);
         let start = self.pass * LAGS_PER_PASS;
         let variances = state.variances();
         let estimates = [(state.mean[2], variances[2]), (state.mean[3], variances[3])];
         for (channel, (estimate, variance)) in self.channels.iter_mut().zip(estimates) {
             let at = index as usize;
+            let estimate = weight * estimate;
             channel.newest[at & (LAGS - 1)] = estimate;
-            channel.variance += variance;
+            channel.variance += weight * variance;
             for lag in start..start + LAGS_PER_PASS {
                 let earlier = channel.newest[at.wrapping_sub(lag) & (LAGS - 1)];
                 channel.products[lag & (LAGS - 1)] += estimate * earlier;

@@ -138,26 +138,31 @@ impl<H: Hypothesis> Replay<H> {
         self.end = end;
     }
 
-    /// Replays up to `samples` more; `after_each` sees the index and the state after every one. True at the end.
+    /// Replays up to `samples` more; `after_each` sees the index and the state after every one, and whether it
+    /// counts. True at the end.
+    ///
+    /// The work is that of `samples` samples, however few are left: past the end nothing that is computed counts.
     #[inline]
     pub fn advance(
         &mut self,
         window: &MeasurementWindow,
         samples: u32,
-        mut after_each: impl FnMut(u32, &H::Kernel),
+        mut after_each: impl FnMut(u32, &H::Kernel, bool),
     ) -> bool {
         let Some((model, state)) = &mut self.filter else { return false };
         for _ in 0..samples {
-            if self.cursor < self.end {
-                let sample = window.sample(self.cursor);
-                state.predict(model);
-                let innovation = state.innovation(sample.mean, sample.variance(self.variance_of_one));
-                let present = sample.is_present();
-                state.correct(&innovation, present);
-                self.log_likelihood.add(if present { innovation.log_likelihood() } else { 0.0 });
-                after_each(self.cursor, state);
-                self.cursor += 1;
-            }
+            let counts = self.cursor < self.end;
+            let sample = window.sample(self.cursor);
+            let mut next = *state;
+            next.predict(model);
+            let innovation = next.innovation(sample.mean, sample.variance(self.variance_of_one));
+            let present = sample.is_present();
+            next.correct(&innovation, present);
+            let gained = innovation.log_likelihood();
+            self.log_likelihood.add(if counts && present { gained } else { 0.0 });
+            after_each(self.cursor, &next, counts);
+            *state = if counts { next } else { *state };
+            self.cursor += u32::from(counts);
         }
         self.cursor >= self.end
     }

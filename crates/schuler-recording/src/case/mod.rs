@@ -1,0 +1,404 @@
+//! The case file `schuler-case/1`: one recording, what its columns mean, and what its user believes about them.
+//!
+//! The types hold the file as it is written, in the units of the file; [`Sensor::in_si`] is the one conversion.
+//! Keys that a file may leave out have the defaults of [`Default`].
+mod read;
+mod write;
+
+use std::path::{Path, PathBuf};
+
+use serde::{Serialize, Serializer};
+
+use crate::document::Lines;
+use crate::unit::{Dimension, STANDARD_GRAVITY, Unit};
+
+/// What the key `format` must say.
+pub const FORMAT: &str = "schuler-case/1";
+
+/// A case that was read from a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CaseFile {
+    /// The file.
+    pub path: PathBuf,
+    /// What stands in it.
+    pub case: Case,
+    /// What its reader should be told: unknown keys, axes that were not of unit length.
+    pub warnings: Vec<String>,
+    /// Line of each field.
+    pub lines: Lines,
+}
+
+impl CaseFile {
+    /// Path of the table: the case's, relative to the case's file.
+    pub fn table_path(&self) -> PathBuf {
+        self.path.parent().unwrap_or(Path::new("")).join(&self.case.recording.path)
+    }
+}
+
+/// A case.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Case {
+    /// What the recording is, for people.
+    pub title: String,
+    /// Where the table is and what its time means.
+    pub recording: Source,
+    /// Where on the Earth; needed where its rotation or gravity enters.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub site: Option<Site>,
+    /// What the body really did, as far as the user knows.
+    pub motion: Motion,
+    /// Nominal model of the Schuler loop; for velocity-error cases.
+    #[serde(rename = "loop", skip_serializing_if = "Option::is_none")]
+    pub schuler_loop: Option<SchulerLoop>,
+    /// The sensors.
+    #[serde(rename = "sensor")]
+    pub sensors: Vec<Sensor>,
+    /// Other recorded quantities.
+    #[serde(rename = "aux", skip_serializing_if = "Vec::is_empty")]
+    pub auxiliaries: Vec<Auxiliary>,
+}
+
+/// Where the table is and what its time means.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Source {
+    /// Path of the table, relative to the case's file.
+    pub path: PathBuf,
+    /// Column of time, in seconds, strictly increasing, of any origin.
+    pub time: String,
+    /// Nominal step, s; without it the median step of the table.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub step_s: Option<f64>,
+}
+
+/// A place on the Earth.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Site {
+    /// Geodetic latitude, degrees, north positive.
+    pub latitude_deg: f64,
+    /// Longitude, degrees, east positive; only tides need it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub longitude_deg: Option<f64>,
+    /// Height above the ellipsoid, m.
+    pub altitude_m: f64,
+}
+
+/// What the body did.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Motion {
+    /// How much of it is known.
+    pub kind: MotionKind,
+    /// Attitude of a body at rest.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub attitude_deg: Option<Attitude>,
+    /// Columns of the body's inertial rate in body axes, rad/s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rate: Option<[String; 3]>,
+    /// Columns of the specific force in body axes, m/s².
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub specific_force: Option<[String; 3]>,
+    /// Columns of the velocity north, east, down, m/s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub velocity_ned: Option<[String; 3]>,
+    /// Columns of roll, pitch and yaw (body from NED, 3-2-1), rad.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub attitude_rad: Option<[String; 3]>,
+}
+
+/// How much of the body's motion is known.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum MotionKind {
+    /// At rest on the Earth, at a known attitude.
+    Static,
+    /// Recorded in columns of the table.
+    Recorded,
+    /// Not at all; sensors with redundant axes are checked against each other.
+    #[default]
+    Unknown,
+    /// One sensor records the velocity error of a Schuler loop.
+    VelocityError,
+}
+
+impl MotionKind {
+    /// Every kind under its name in the case file.
+    pub const NAMES: [(&'static str, MotionKind); 4] = [
+        ("static", MotionKind::Static),
+        ("recorded", MotionKind::Recorded),
+        ("unknown", MotionKind::Unknown),
+        ("velocity_error", MotionKind::VelocityError),
+    ];
+}
+
+/// Attitude of the body from north-east-down, 3-2-1, degrees.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Attitude {
+    /// Roll.
+    pub roll: f64,
+    /// Pitch.
+    pub pitch: f64,
+    /// Heading.
+    pub heading: f64,
+}
+
+/// A sensor and what the simulation believes about it, in its own unit.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Sensor {
+    /// The name that answers use.
+    pub id: String,
+    /// What it is.
+    pub kind: SensorKind,
+    /// Its column.
+    pub column: String,
+    /// Unit of the column and of the nominal values.
+    pub unit: Unit,
+    /// Sensitive axis in body axes, of unit length.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub axis: Option<[f64; 3]>,
+    /// The instrument it is part of.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub group: Option<String>,
+    /// Spin axis of a dynamically tuned gyro in body axes, of unit length.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub spin_axis: Option<[f64; 3]>,
+    /// Step of the output, in `unit`; 0 if not known.
+    pub quantisation: f64,
+    /// Whether it is read against an unknown constant.
+    pub relative: bool,
+    /// What the simulation believes.
+    pub nominal: Nominal,
+}
+
+/// What a sensor is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SensorKind {
+    /// Dynamically tuned gyro.
+    Dtg,
+    /// Fibre-optic gyro.
+    Fog,
+    /// Ring-laser gyro.
+    Rlg,
+    /// Micromechanical gyro.
+    MemsGyro,
+    /// Accelerometer.
+    Accelerometer,
+    /// Doppler log or radar.
+    Doppler,
+    /// Velocity of an inertial system.
+    InsVelocity,
+    /// Velocity of a satellite receiver.
+    GnssVelocity,
+}
+
+impl SensorKind {
+    /// Every kind under its name in the case file.
+    pub const NAMES: [(&'static str, SensorKind); 8] = [
+        ("dtg", SensorKind::Dtg),
+        ("fog", SensorKind::Fog),
+        ("rlg", SensorKind::Rlg),
+        ("mems_gyro", SensorKind::MemsGyro),
+        ("accelerometer", SensorKind::Accelerometer),
+        ("doppler", SensorKind::Doppler),
+        ("ins_velocity", SensorKind::InsVelocity),
+        ("gnss_velocity", SensorKind::GnssVelocity),
+    ];
+
+    /// What it measures.
+    pub const fn dimension(self) -> Dimension {
+        match self {
+            Self::Dtg | Self::Fog | Self::Rlg | Self::MemsGyro => Dimension::AngularRate,
+            Self::Accelerometer => Dimension::Acceleration,
+            Self::Doppler | Self::InsVelocity | Self::GnssVelocity => Dimension::Velocity,
+        }
+    }
+}
+
+/// What the simulation believes about a sensor, in the sensor's unit.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Nominal {
+    /// Constant error.
+    pub bias: f64,
+    /// Scale-factor error, 10⁻⁶.
+    pub scale_factor_ppm: f64,
+    /// White noise, 1 σ per sample.
+    pub white: f64,
+    /// First-order Markov noise.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub markov: Option<Markov>,
+    /// Exponential-cosine noise.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub exp_cos: Option<ExponentialCosine>,
+    /// Random walk, 1 σ per √s.
+    pub random_walk: f64,
+    /// Dependence of the bias on a recorded temperature.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub temperature_bias: Option<TemperatureBias>,
+}
+
+/// First-order Markov noise, `R(τ) = σ² exp(−|τ|/tau)`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Markov {
+    /// Standard deviation σ, in the sensor's unit.
+    pub sigma: f64,
+    /// Correlation time, s.
+    pub tau_s: f64,
+}
+
+/// Exponential-cosine noise, `R(τ) = σ² exp(−α|τ|) cos βτ`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ExponentialCosine {
+    /// Standard deviation σ, in the sensor's unit.
+    pub sigma: f64,
+    /// Decay α, 1/s.
+    pub alpha: f64,
+    /// Angular frequency β, rad/s.
+    pub beta: f64,
+}
+
+/// Bias as a polynomial of a recorded temperature.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TemperatureBias {
+    /// Column of the temperature.
+    pub column: String,
+    /// Temperature at which it vanishes, °C.
+    #[serde(rename = "reference_degC")]
+    pub reference_deg_c: f64,
+    /// Coefficients of (T − reference), (T − reference)² …, in the sensor's unit per K, K² ….
+    pub coefficients: Vec<f64>,
+}
+
+/// A recorded quantity on which an effect may depend.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Auxiliary {
+    /// Its column.
+    pub column: String,
+    /// What it is.
+    pub quantity: Quantity,
+    /// Its unit.
+    pub unit: String,
+    /// The sensor or group it sits at.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub near: Option<String>,
+    /// Where it sits in body axes, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub position_m: Option<[f64; 3]>,
+}
+
+/// What an auxiliary column holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// Temperature.
+    Temperature,
+    /// Supply voltage.
+    Voltage,
+    /// Current.
+    Current,
+    /// Air pressure.
+    Pressure,
+    /// Magnetic field along the body's x axis.
+    MagneticFieldX,
+    /// Magnetic field along the body's y axis.
+    MagneticFieldY,
+    /// Magnetic field along the body's z axis.
+    MagneticFieldZ,
+    /// Root mean square of vibration.
+    VibrationRms,
+    /// Speed.
+    Speed,
+    /// Anything else.
+    Other,
+}
+
+impl Quantity {
+    /// Every quantity under its name in the case file.
+    pub const NAMES: [(&'static str, Quantity); 10] = [
+        ("temperature", Quantity::Temperature),
+        ("voltage", Quantity::Voltage),
+        ("current", Quantity::Current),
+        ("pressure", Quantity::Pressure),
+        ("magnetic_field_x", Quantity::MagneticFieldX),
+        ("magnetic_field_y", Quantity::MagneticFieldY),
+        ("magnetic_field_z", Quantity::MagneticFieldZ),
+        ("vibration_rms", Quantity::VibrationRms),
+        ("speed", Quantity::Speed),
+        ("other", Quantity::Other),
+    ];
+}
+
+/// Nominal model of a Schuler loop, in SI units.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct SchulerLoop {
+    /// Radius of the Earth, m.
+    pub radius_m: f64,
+    /// Gravity, m/s².
+    pub gravity: f64,
+    /// Accelerometer error, m/s².
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub accelerometer: Option<Markov>,
+    /// Gyro drift, rad/s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gyro: Option<Markov>,
+    /// White noise of the velocity difference, m/s, 1 σ per sample.
+    pub velocity_white: f64,
+}
+
+impl Default for SchulerLoop {
+    fn default() -> Self {
+        Self {
+            radius_m: 6_371_000.0,
+            gravity: STANDARD_GRAVITY,
+            accelerometer: None,
+            gyro: None,
+            velocity_white: 0.0,
+        }
+    }
+}
+
+impl Sensor {
+    /// The same sensor with every value in the SI unit of its dimension.
+    #[must_use]
+    pub fn in_si(&self) -> Self {
+        let factor = self.unit.in_si();
+        let nominal = &self.nominal;
+        Self {
+            unit: self.unit.si(),
+            quantisation: self.quantisation * factor,
+            nominal: Nominal {
+                bias: nominal.bias * factor,
+                scale_factor_ppm: nominal.scale_factor_ppm,
+                white: nominal.white * factor,
+                markov: nominal.markov.map(|markov| Markov { sigma: markov.sigma * factor, ..markov }),
+                exp_cos: nominal
+                    .exp_cos
+                    .map(|noise| ExponentialCosine { sigma: noise.sigma * factor, ..noise }),
+                random_walk: nominal.random_walk * factor,
+                temperature_bias: nominal.temperature_bias.clone().map(|mut dependence| {
+                    dependence.coefficients.iter_mut().for_each(|coefficient| *coefficient *= factor);
+                    dependence
+                }),
+            },
+            ..self.clone()
+        }
+    }
+}
+
+/// The name of `value` in `names`.
+fn name_of<T: PartialEq>(value: &T, names: &[(&'static str, T)]) -> &'static str {
+    names.iter().find(|(_, named)| named == value).map_or("", |&(name, _)| name)
+}
+
+macro_rules! named_in_the_file {
+    ($($type:ty),*) => {$(
+        impl Serialize for $type {
+            fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+                serializer.serialize_str(name_of(self, &Self::NAMES))
+            }
+        }
+
+        impl std::fmt::Display for $type {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str(name_of(self, &Self::NAMES))
+            }
+        }
+    )*};
+}
+
+named_in_the_file!(MotionKind, SensorKind, Quantity);

@@ -1,0 +1,324 @@
+//! Reading a case file: the letter of `schuler-case/1`, and what is wrong where a file departs from it.
+use std::path::Path;
+
+use super::{
+    Attitude, Auxiliary, Case, CaseFile, ExponentialCosine, FORMAT, Markov, Motion, MotionKind, Nominal,
+    Quantity, SchulerLoop, Sensor, SensorKind, Site, Source, TemperatureBias,
+};
+use crate::document::{Field, Node, Parsed, parse, suggestion};
+use crate::error::{Error, Problem};
+use crate::unit::Unit;
+
+/// How far the length of an axis may be from 1 before it is worth a word.
+const UNIT_LENGTH_TOLERANCE: f64 = 1e-3;
+
+impl CaseFile {
+    /// Reads the case at `path`.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the file, by line and field.
+    pub fn read(path: &Path) -> Result<Self, Error> {
+        let bytes = std::fs::read(path).map_err(|error| Error::io(path, "read the case", &error))?;
+        let text = std::str::from_utf8(&bytes).map_err(|error| {
+            let line = 1 + bytes.iter().take(error.valid_up_to()).filter(|&&byte| byte == b'\n').count();
+            Error::one(
+                path,
+                Problem::new(Some(line), "", "found a byte that is not UTF-8; expected a TOML file"),
+            )
+        })?;
+        Self::parse(path, text)
+    }
+
+    /// Reads a case from `text`, the content of the file `path`.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the text, by line and field.
+    pub fn parse(path: &Path, text: &str) -> Result<Self, Error> {
+        let Parsed { value: case, warnings, lines } = parse(path, text.trim_start_matches('\u{feff}'), case)?;
+        Ok(Self { path: path.to_owned(), case, warnings, lines })
+    }
+}
+
+/// Every part is read before any is required, so that all problems are found at once.
+fn case(node: &Node<'_>) -> Option<Case> {
+    let format = node.required("format", &format!("\"{FORMAT}\"")).and_then(|field| format_is_known(&field));
+    let title = optional(node, "title", Field::any_text);
+    let recording = node.required("recording", "a table [recording]").and_then(|field| field.table(source));
+    let site = optional(node, "site", |field| field.table(site));
+    let motion = optional(node, "motion", |field| field.table(motion));
+    let schuler_loop = optional(node, "loop", |field| field.table(schuler_loop));
+    let sensors = node.tables("sensor", sensor);
+    let auxiliaries = node.tables("aux", auxiliary);
+    format?;
+    let case = Case {
+        title: title?.unwrap_or_default(),
+        recording: recording?,
+        site: site?,
+        motion: motion?.unwrap_or_default(),
+        schuler_loop: schuler_loop?,
+        sensors: sensors?,
+        auxiliaries: auxiliaries?,
+    };
+    agrees_with_itself(node, case)
+}
+
+/// What no single field can show.
+fn agrees_with_itself(node: &Node<'_>, case: Case) -> Option<Case> {
+    if case.sensors.is_empty() {
+        return node.problem_at("sensor", "missing; expected at least one [[sensor]]");
+    }
+    for (index, sensor) in case.sensors.iter().enumerate() {
+        if let Some(first) = case.sensors.iter().take(index).position(|other| other.id == sensor.id) {
+            let found = format!("found \"{}\", the id of sensor[{first}]; expected a unique id", sensor.id);
+            return node.problem_at(&format!("sensor[{index}].id"), &found);
+        }
+    }
+    let places: Vec<&str> = case
+        .sensors
+        .iter()
+        .flat_map(|sensor| [Some(sensor.id.as_str()), sensor.group.as_deref()])
+        .flatten()
+        .collect();
+    for (index, auxiliary) in case.auxiliaries.iter().enumerate() {
+        let Some(near) = auxiliary.near.as_deref().filter(|near| !places.contains(near)) else { continue };
+        let path = format!("aux[{index}].near");
+        let found = format!("found \"{near}\"; expected the id or group of a sensor");
+        match suggestion(near, places.iter().copied()) {
+            Some(meant) => return node.problem_at(&path, &format!("{found}; did you mean \"{meant}\"?")),
+            None => node.warn_at(&path, &found),
+        }
+    }
+    if case.motion.kind == MotionKind::VelocityError {
+        let velocities = case.sensors.iter().filter(|sensor| sensor.kind == SensorKind::InsVelocity).count();
+        if velocities != 1 {
+            let found = format!(
+                "found \"velocity_error\" with {velocities} sensors of kind \"ins_velocity\"; expected one of them"
+            );
+            return node.problem_at("motion.kind", &found);
+        }
+        if case.schuler_loop.is_none() {
+            return node.problem_at(
+                "loop",
+                "missing; expected a table [loop], as motion.kind is \"velocity_error\"",
+            );
+        }
+    }
+    Some(case)
+}
+
+fn format_is_known(field: &Field<'_>) -> Option<()> {
+    let format = field.text()?;
+    if format == FORMAT { Some(()) } else { field.wrong(&format!("\"{FORMAT}\"")) }
+}
+
+fn source(node: &Node<'_>) -> Option<Source> {
+    let path = node.required("path", "the path of the table").and_then(|field| field.text());
+    let time = node.required("time", "the name of the time column").and_then(|field| field.text());
+    let step_s = optional(node, "step_s", positive);
+    Some(Source { path: path?.into(), time: time?, step_s: step_s? })
+}
+
+fn site(node: &Node<'_>) -> Option<Site> {
+    let latitude = "degrees, -90 to 90";
+    let latitude_deg = node
+        .required("latitude_deg", latitude)
+        .and_then(|field| field.number_where(latitude, |degrees| degrees.abs() <= 90.0));
+    let longitude_deg = optional(node, "longitude_deg", |field| {
+        field.number_where("degrees, -180 to 360", |degrees| (-180.0..=360.0).contains(&degrees))
+    });
+    let altitude_m = optional(node, "altitude_m", |field| {
+        field.number_where("metres, -12000 to 1e6", |metres| (-12e3..=1e6).contains(&metres))
+    });
+    Some(Site {
+        latitude_deg: latitude_deg?,
+        longitude_deg: longitude_deg?,
+        altitude_m: altitude_m?.unwrap_or_default(),
+    })
+}
+
+fn motion(node: &Node<'_>) -> Option<Motion> {
+    let kind = node
+        .required("kind", "static, recorded, unknown or velocity_error")
+        .and_then(|field| field.one_of(&MotionKind::NAMES));
+    let attitude_deg = optional(node, "attitude_deg", |field| field.table(attitude));
+    let rate = optional(node, "rate", Field::texts);
+    let specific_force = optional(node, "specific_force", Field::texts);
+    let velocity_ned = optional(node, "velocity_ned", Field::texts);
+    let attitude_rad = optional(node, "attitude_rad", Field::texts);
+    let motion = Motion {
+        kind: kind?,
+        attitude_deg: attitude_deg?,
+        rate: rate?,
+        specific_force: specific_force?,
+        velocity_ned: velocity_ned?,
+        attitude_rad: attitude_rad?,
+    };
+    let columns = [&motion.rate, &motion.specific_force, &motion.velocity_ned, &motion.attitude_rad];
+    if motion.kind == MotionKind::Recorded && columns.iter().all(|columns| columns.is_none()) {
+        let found = "found \"recorded\" without columns";
+        let expected = "expected also rate, specific_force, velocity_ned or attitude_rad";
+        return node.problem_at("kind", &format!("{found}; {expected}"));
+    }
+    Some(motion)
+}
+
+fn attitude(node: &Node<'_>) -> Option<Attitude> {
+    let angle = |key| node.required(key, "degrees").and_then(|field| field.number());
+    let (roll, pitch, heading) = (angle("roll"), angle("pitch"), angle("heading"));
+    Some(Attitude { roll: roll?, pitch: pitch?, heading: heading? })
+}
+
+fn sensor(node: &Node<'_>) -> Option<Sensor> {
+    let id = node.required("id", "the name that answers use").and_then(|field| field.text());
+    let kind = node
+        .required("kind", "the kind of sensor, e.g. \"mems_gyro\"")
+        .and_then(|field| field.one_of(&SensorKind::NAMES));
+    let column = node.required("column", "the name of the sensor's column").and_then(|field| field.text());
+    let unit = node
+        .required("unit", "the unit of the column, e.g. \"deg/h\"")
+        .and_then(|field| unit_of(&field, kind));
+    let axis = optional(node, "axis", direction);
+    let group = optional(node, "group", Field::text);
+    let spin_axis = optional(node, "spin_axis", direction);
+    let quantisation = optional(node, "quantisation", not_negative);
+    let relative = optional(node, "relative", Field::boolean);
+    let nominal = optional(node, "nominal", |field| field.table(nominal));
+    let sensor = Sensor {
+        id: id?,
+        kind: kind?,
+        column: column?,
+        unit: unit?,
+        axis: axis?,
+        group: group?,
+        spin_axis: spin_axis?,
+        quantisation: quantisation?.unwrap_or_default(),
+        relative: relative?.unwrap_or_default(),
+        nominal: nominal?.unwrap_or_default(),
+    };
+    let needs_axis = !matches!(sensor.kind, SensorKind::InsVelocity | SensorKind::GnssVelocity);
+    if needs_axis && sensor.axis.is_none() {
+        let expected = "missing; expected the sensitive axis in body axes, e.g. [1.0, 0.0, 0.0]";
+        return node.problem_at("axis", expected);
+    }
+    Some(sensor)
+}
+
+fn unit_of(field: &Field<'_>, kind: Option<SensorKind>) -> Option<Unit> {
+    let unit = field.one_of(&Unit::NAMES)?;
+    let Some(kind) = kind else { return Some(unit) };
+    if unit.dimension() == kind.dimension() {
+        return Some(unit);
+    }
+    let units: Vec<&str> = kind.dimension().units().map(Unit::name).collect();
+    field.wrong(&format!("a unit of a sensor of kind \"{kind}\": {}", units.join(", ")))
+}
+
+/// A direction, made to have unit length.
+fn direction(field: &Field<'_>) -> Option<[f64; 3]> {
+    let components = field.numbers::<3>()?;
+    let largest = components.iter().fold(0.0_f64, |largest, component| largest.max(component.abs()));
+    // Scaled first, so that no finite components overflow or vanish when squared.
+    let scaled = components.map(|component| component / largest);
+    let length = scaled.iter().map(|component| component * component).sum::<f64>().sqrt();
+    if !length.is_finite() {
+        return field.problem("found a direction of length zero; expected a vector that is not zero");
+    }
+    if (length * largest - 1.0).abs() > UNIT_LENGTH_TOLERANCE {
+        field.warn("not of unit length, normalised");
+    }
+    if length * largest == 1.0 { Some(components) } else { Some(scaled.map(|component| component / length)) }
+}
+
+fn nominal(node: &Node<'_>) -> Option<Nominal> {
+    let bias = optional(node, "bias", Field::number);
+    let scale_factor_ppm = optional(node, "scale_factor_ppm", Field::number);
+    let white = optional(node, "white", not_negative);
+    let markov_ = optional(node, "markov", |field| field.table(markov));
+    let exp_cos = optional(node, "exp_cos", |field| field.table(exponential_cosine));
+    let random_walk = optional(node, "random_walk", not_negative);
+    let temperature_bias = optional(node, "temperature_bias", |field| field.table(temperature_bias));
+    Some(Nominal {
+        bias: bias?.unwrap_or_default(),
+        scale_factor_ppm: scale_factor_ppm?.unwrap_or_default(),
+        white: white?.unwrap_or_default(),
+        markov: markov_?,
+        exp_cos: exp_cos?,
+        random_walk: random_walk?.unwrap_or_default(),
+        temperature_bias: temperature_bias?,
+    })
+}
+
+fn markov(node: &Node<'_>) -> Option<Markov> {
+    let sigma = node.required("sigma", "a standard deviation").and_then(|field| not_negative(&field));
+    let tau_s = node.required("tau_s", "a correlation time in seconds").and_then(|field| positive(&field));
+    Some(Markov { sigma: sigma?, tau_s: tau_s? })
+}
+
+fn exponential_cosine(node: &Node<'_>) -> Option<ExponentialCosine> {
+    let sigma = node.required("sigma", "a standard deviation").and_then(|field| not_negative(&field));
+    let alpha = node.required("alpha", "a decay in 1/s").and_then(|field| positive(&field));
+    let beta = node.required("beta", "an angular frequency in rad/s").and_then(|field| not_negative(&field));
+    Some(ExponentialCosine { sigma: sigma?, alpha: alpha?, beta: beta? })
+}
+
+fn temperature_bias(node: &Node<'_>) -> Option<TemperatureBias> {
+    let column = node.required("column", "the name of a temperature column").and_then(|field| field.text());
+    let reference = node.required("reference_degC", "a temperature in degC").and_then(|field| field.number());
+    let coefficients =
+        node.required("coefficients", "an array of numbers").and_then(|field| field.number_list());
+    Some(TemperatureBias { column: column?, reference_deg_c: reference?, coefficients: coefficients? })
+}
+
+fn auxiliary(node: &Node<'_>) -> Option<Auxiliary> {
+    let column = node.required("column", "the name of a column").and_then(|field| field.text());
+    let quantity = node
+        .required("quantity", "what the column holds, e.g. \"temperature\"")
+        .and_then(|field| field.one_of(&Quantity::NAMES));
+    let unit = optional(node, "unit", Field::any_text);
+    let near = optional(node, "near", Field::text);
+    let position_m = optional(node, "position_m", Field::numbers);
+    Some(Auxiliary {
+        column: column?,
+        quantity: quantity?,
+        unit: unit?.unwrap_or_default(),
+        near: near?,
+        position_m: position_m?,
+    })
+}
+
+fn schuler_loop(node: &Node<'_>) -> Option<SchulerLoop> {
+    let nominal = SchulerLoop::default();
+    let radius_m = optional(node, "radius_m", positive);
+    let gravity = optional(node, "gravity", positive);
+    let accelerometer = optional(node, "accelerometer", |field| field.table(markov));
+    let gyro = optional(node, "gyro", |field| field.table(markov));
+    let velocity_white = optional(node, "velocity_white", not_negative);
+    Some(SchulerLoop {
+        radius_m: radius_m?.unwrap_or(nominal.radius_m),
+        gravity: gravity?.unwrap_or(nominal.gravity),
+        accelerometer: accelerometer?,
+        gyro: gyro?,
+        velocity_white: velocity_white?.unwrap_or(nominal.velocity_white),
+    })
+}
+
+/// `Some(None)` where the key is absent, `None` where it is there but wrong (which has been reported).
+#[allow(clippy::option_option)]
+fn optional<'d, T>(
+    node: &Node<'d>,
+    key: &'static str,
+    read: impl FnOnce(&Field<'d>) -> Option<T>,
+) -> Option<Option<T>> {
+    match node.optional(key) {
+        None => Some(None),
+        Some(field) => read(&field).map(Some),
+    }
+}
+
+fn positive(field: &Field<'_>) -> Option<f64> {
+    field.number_where("a number greater than zero", |number| number > 0.0)
+}
+
+fn not_negative(field: &Field<'_>) -> Option<f64> {
+    field.number_where("a number not less than zero", |number| number >= 0.0)
+}

@@ -1,0 +1,106 @@
+//! What is wrong with a file, and where: the file, the line, the field, and what was expected there.
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// A file that cannot be used, with every problem found in it.
+///
+/// `{}` prints one line with the first problem, `{:#}` one line for each of them.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub struct Error {
+    /// The file.
+    pub file: PathBuf,
+    /// The problems in the order of their lines; never empty.
+    pub problems: Vec<Problem>,
+}
+
+/// One problem of a file.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Problem {
+    /// Line in the file, from 1; `None` when the whole file is meant.
+    pub line: Option<usize>,
+    /// Path of the field (`sensor[2].unit`) or name of the column; empty when the whole file is meant.
+    pub field: String,
+    /// What was found and what was expected.
+    pub message: String,
+}
+
+impl Problem {
+    /// A problem of one field.
+    pub fn new(line: Option<usize>, field: impl Into<String>, message: impl Into<String>) -> Self {
+        Self { line, field: field.into(), message: message.into() }
+    }
+
+    /// A problem of the whole file.
+    pub fn of_file(message: impl Into<String>) -> Self {
+        Self::new(None, "", message)
+    }
+}
+
+impl Error {
+    /// The error of `file` with the given problems, put in the order of their lines.
+    pub fn new(file: impl Into<PathBuf>, mut problems: Vec<Problem>) -> Self {
+        problems.sort();
+        problems.dedup();
+        if problems.is_empty() {
+            problems.push(Problem::of_file("cannot be used"));
+        }
+        Self { file: file.into(), problems }
+    }
+
+    /// The error of `file` with one problem.
+    pub fn one(file: impl Into<PathBuf>, problem: Problem) -> Self {
+        Self::new(file, vec![problem])
+    }
+
+    /// A failure of the operating system on `file`; `doing` completes "cannot …".
+    pub fn io(file: &Path, doing: &str, error: &std::io::Error) -> Self {
+        Self::one(file, Problem::of_file(format!("cannot {doing}: {error}")))
+    }
+
+    fn write_problem(&self, f: &mut fmt::Formatter<'_>, problem: &Problem) -> fmt::Result {
+        write!(f, "{}", self.file.display())?;
+        if let Some(line) = problem.line {
+            write!(f, ":{line}")?;
+        }
+        if !problem.field.is_empty() {
+            write!(f, ": {}", problem.field)?;
+        }
+        write!(f, ": {}", problem.message)
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut problems = self.problems.iter();
+        if let Some(first) = problems.next() {
+            self.write_problem(f, first)?;
+        }
+        if f.alternate() {
+            for problem in problems {
+                f.write_str("\n")?;
+                self.write_problem(f, problem)?;
+            }
+        } else if problems.len() > 0 {
+            write!(f, " (and {} more)", problems.len())?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_line_names_file_line_field_and_expectation() {
+        let error = Error::new(
+            "a.toml",
+            vec![
+                Problem::new(Some(7), "site.latitude_deg", "found 91; expected -90 to 90"),
+                Problem::new(Some(3), "sensor[0].unit", "missing; expected a unit"),
+            ],
+        );
+        assert_eq!(error.to_string(), "a.toml:3: sensor[0].unit: missing; expected a unit (and 1 more)");
+        assert_eq!(format!("{error:#}").lines().count(), 2);
+    }
+}

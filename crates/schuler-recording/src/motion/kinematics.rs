@@ -1,0 +1,179 @@
+//! The body's true rate and specific force from recorded attitude and velocity.
+//!
+//! Both are centred differences over the neighbours of each row, with an error of second order in the step; at the
+//! ends and beside missing values one-sided, of first order. Angles are never differenced (they wrap, and are
+//! singular at a pitch of 90°): rotations are, by the logarithm of their quotient.
+use nalgebra::{Rotation3, Vector3};
+
+use super::{body_to_ned, earth};
+
+/// Three columns: x, y, z, one array each.
+type Columns = [Vec<f64>; 3];
+
+/// Inertial rate in body axes, rad/s, from attitude and, for the turn over the Earth, velocity.
+///
+/// `time_s`, `attitude_rad` (roll, pitch, yaw) and `velocity_ned` (m/s; none = at rest) have one value a row, NaN =
+/// missing; `latitude` in rad. A row without attitude or velocity has no rate.
+pub fn inertial_rate(
+    time_s: &[f64],
+    attitude_rad: &Columns,
+    velocity_ned: Option<&Columns>,
+    latitude: f64,
+    altitude_m: f64,
+) -> Columns {
+    let attitudes: Vec<Option<Rotation3<f64>>> = rows(attitude_rad).map(|row| row.map(rotation)).collect();
+    columns(time_s.len(), |row| {
+        let here = get(&attitudes, row)?;
+        let (before, after) = span(&attitudes, row)?;
+        let span_s = time_s.get(after)? - time_s.get(before)?;
+        let quotient = get(&attitudes, before)?.inverse() * get(&attitudes, after)?;
+        let velocity = velocity_ned.map_or(Some(Vector3::zeros()), |columns| vector(columns, row))?;
+        let ned = earth::rotation_ned(latitude) + earth::transport_rate(latitude, altitude_m, &velocity);
+        Some(quotient.scaled_axis() / span_s + here.inverse() * ned)
+    })
+}
+
+/// Specific force in body axes, m/s², from attitude and velocity; arguments and missing values as
+/// [`inertial_rate`]. `f_n = dv/dt + (2 ω_ie + ω_en) × v − g`.
+pub fn specific_force(
+    time_s: &[f64],
+    attitude_rad: &Columns,
+    velocity_ned: &Columns,
+    latitude: f64,
+    altitude_m: f64,
+) -> Columns {
+    let velocities: Vec<Option<Vector3<f64>>> = rows(velocity_ned).collect();
+    let gravity = Vector3::new(0.0, 0.0, earth::gravity(latitude, altitude_m));
+    columns(time_s.len(), |row| {
+        let attitude = rotation(vector(attitude_rad, row)?);
+        let velocity = get(&velocities, row)?;
+        let (before, after) = span(&velocities, row)?;
+        let span_s = time_s.get(after)? - time_s.get(before)?;
+        let acceleration = (get(&velocities, after)? - get(&velocities, before)?) / span_s;
+        let turn =
+            2.0 * earth::rotation_ned(latitude) + earth::transport_rate(latitude, altitude_m, &velocity);
+        Some(attitude.inverse() * (acceleration + turn.cross(&velocity) - gravity))
+    })
+}
+
+/// The vector in `row`, if none of its components is missing.
+pub(super) fn vector([x, y, z]: &Columns, row: usize) -> Option<Vector3<f64>> {
+    let vector = Vector3::new(*x.get(row)?, *y.get(row)?, *z.get(row)?);
+    vector.iter().all(|component| component.is_finite()).then_some(vector)
+}
+
+pub(super) fn rotation(roll_pitch_yaw: Vector3<f64>) -> Rotation3<f64> {
+    body_to_ned(roll_pitch_yaw.x, roll_pitch_yaw.y, roll_pitch_yaw.z)
+}
+
+/// The columns of `value` for each of `rows` rows, NaN where it has none.
+pub(super) fn columns(rows: usize, value: impl Fn(usize) -> Option<Vector3<f64>>) -> Columns {
+    let mut columns = [(); 3].map(|()| Vec::with_capacity(rows));
+    for row in 0..rows {
+        let vector = value(row).unwrap_or_else(|| Vector3::repeat(f64::NAN));
+        for (column, component) in columns.iter_mut().zip(vector.iter()) {
+            column.push(*component);
+        }
+    }
+    columns
+}
+
+fn rows(columns: &Columns) -> impl Iterator<Item = Option<Vector3<f64>>> {
+    (0..columns[0].len()).map(|row| vector(columns, row))
+}
+
+fn get<T: Copy>(values: &[Option<T>], row: usize) -> Option<T> {
+    values.get(row).copied().flatten()
+}
+
+/// The rows to difference at `row`: its neighbours, or itself in place of one that is missing.
+fn span<T: Copy>(values: &[Option<T>], row: usize) -> Option<(usize, usize)> {
+    let before = row.checked_sub(1).filter(|&row| get(values, row).is_some()).unwrap_or(row);
+    let after = Some(row + 1).filter(|&row| get(values, row).is_some()).unwrap_or(row);
+    (before < after).then_some((before, after))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::PI;
+
+    use super::*;
+    use crate::motion::{rate_at_rest, specific_force_at_rest};
+
+    const LATITUDE: f64 = 0.97;
+    const STEP_S: f64 = 0.1;
+
+    fn times(rows: usize) -> Vec<f64> {
+        (0..rows).map(|row| row as f64 * STEP_S).collect()
+    }
+
+    #[test]
+    fn at_rest_the_rate_is_the_earths_and_the_force_is_gravity() {
+        let rows = 5;
+        let attitude = [vec![0.1; rows], vec![-0.2; rows], vec![2.9; rows]];
+        let velocity = [vec![0.0; rows], vec![0.0; rows], vec![0.0; rows]];
+        let ned = body_to_ned(0.1, -0.2, 2.9);
+        let rate = inertial_rate(&times(rows), &attitude, None, LATITUDE, 100.0);
+        let force = specific_force(&times(rows), &attitude, &velocity, LATITUDE, 100.0);
+        for row in 0..rows {
+            assert!((vector(&rate, row).unwrap() - rate_at_rest(&ned, LATITUDE)).norm() < 1e-15);
+            assert!(
+                (vector(&force, row).unwrap() - specific_force_at_rest(&ned, LATITUDE, 100.0)).norm() < 1e-12
+            );
+        }
+    }
+
+    /// A body that turns about one fixed axis of its own at a constant rate: the rate is known in closed form, and the
+    /// yaw passes ±π on the way.
+    #[test]
+    fn a_turn_about_a_fixed_axis_is_recovered_through_the_wrap_and_upside_down() {
+        let rate = Vector3::new(0.3, -0.5, 0.8);
+        let start = body_to_ned(0.2, 0.1, 3.0);
+        let time_s = times(200);
+        let mut attitude = [(); 3].map(|()| Vec::new());
+        for time in &time_s {
+            let (roll, pitch, yaw) = (start * Rotation3::new(rate * *time)).euler_angles();
+            for (column, angle) in attitude.iter_mut().zip([roll, pitch, yaw]) {
+                column.push(angle);
+            }
+        }
+        assert!(attitude[2].windows(2).any(|pair| (pair[1] - pair[0]).abs() > PI), "the yaw must wrap");
+        let found = inertial_rate(&time_s, &attitude, None, LATITUDE, 0.0);
+        for (row, time) in time_s.iter().enumerate() {
+            let ned = start * Rotation3::new(rate * *time);
+            let expected = rate + ned.inverse() * earth::rotation_ned(LATITUDE);
+            assert!((vector(&found, row).unwrap() - expected).norm() < 1e-9, "row {row}");
+        }
+    }
+
+    /// North at constant speed over the ellipsoid: the body's rate is the Earth's and the frame's, the force gravity
+    /// and Coriolis.
+    #[test]
+    fn a_level_body_going_north_feels_transport_rate_and_coriolis() {
+        let (rows, speed) = (4, 250.0);
+        let zeros = || vec![0.0; rows];
+        let velocity = [vec![speed; rows], zeros(), zeros()];
+        let attitude = [zeros(), zeros(), zeros()];
+        let rate = inertial_rate(&times(rows), &attitude, Some(&velocity), LATITUDE, 0.0);
+        let force = specific_force(&times(rows), &attitude, &velocity, LATITUDE, 0.0);
+        let (sin, cos) = LATITUDE.sin_cos();
+        let (omega, turn) = (earth::ROTATION_RATE, speed / earth::meridian_radius(LATITUDE));
+        let expected = Vector3::new(omega * cos, -turn, -omega * sin);
+        assert!((vector(&rate, 1).unwrap() - expected).norm() < 1e-14);
+        // (2ω + ω_en) × v = [0, −2ω sin φ · v, turn · v].
+        let expected =
+            Vector3::new(0.0, -2.0 * omega * sin * speed, turn * speed - earth::gravity(LATITUDE, 0.0));
+        assert!((vector(&force, 1).unwrap() - expected).norm() < 1e-10);
+    }
+
+    #[test]
+    fn missing_rows_are_missing_and_their_neighbours_one_sided() {
+        let mut attitude = [vec![0.0; 5], vec![0.0; 5], (0..5).map(|row| 0.01 * f64::from(row)).collect()];
+        attitude[1][2] = f64::NAN;
+        let rate = inertial_rate(&times(5), &attitude, None, 0.0, 0.0);
+        assert!(vector(&rate, 2).is_none());
+        for row in [0, 1, 3, 4] {
+            assert!((vector(&rate, row).unwrap().z - 0.1).abs() < 1e-12, "row {row}");
+        }
+    }
+}

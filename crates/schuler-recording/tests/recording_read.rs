@@ -1,0 +1,266 @@
+//! A case and its table together: SI units, gaps, missing values, and mistakes by file and line.
+use std::fs;
+use std::io::Write;
+use std::path::PathBuf;
+
+use proptest::prelude::*;
+use schuler_recording::motion::{Prediction, predict};
+use schuler_recording::{Recording, table};
+use tempfile::TempDir;
+
+const CASE: &str = r#"
+format = "schuler-case/1"
+[recording]
+path = "r.csv"
+time = "t"
+step_s = 1.0
+[site]
+latitude_deg = 45.0
+[motion]
+kind = "static"
+attitude_deg = { roll = 0.0, pitch = 0.0, heading = 0.0 }
+[[sensor]]
+id = "gyro_z"
+kind = "fog"
+column = "gyro_z"
+unit = "deg/h"
+axis = [0.0, 0.0, 1.0]
+[[sensor]]
+id = "az"
+kind = "accelerometer"
+column = "az"
+unit = "mg"
+axis = [0.0, 0.0, 1.0]
+  [sensor.nominal]
+  temperature_bias = { column = "T", reference_degC = 20.0, coefficients = [0.1] }
+[[aux]]
+column = "B"
+quantity = "magnetic_field_x"
+unit = "G"
+"#;
+
+const TABLE: &str =
+    "t,note,gyro_z,az,T,B\n0,a,15,-1000,20.5,0.5\n1,b,,-1000.5,nan,0.5\n4.1,c,inf,NaN,21,0.5\n";
+
+fn case(folder: &TempDir, case: &str, table: &[u8]) -> PathBuf {
+    fs::write(folder.path().join("r.csv"), table).unwrap();
+    let path = folder.path().join("case.toml");
+    fs::write(&path, case).unwrap();
+    path
+}
+
+fn read(case_text: &str, table: &[u8]) -> Result<Recording, String> {
+    let folder = TempDir::new().unwrap();
+    Recording::read(&case(&folder, case_text, table))
+        .map_err(|error| format!("{error:#}").replace(&format!("{}/", folder.path().display()), ""))
+}
+
+#[test]
+fn columns_become_si_series_on_the_step_grid() {
+    let recording = read(CASE, TABLE.as_bytes()).unwrap();
+    assert_eq!(recording.len(), 5, "two missing steps between 1 and 4.1 s");
+    assert_eq!(recording.inserted, [false, false, true, true, false]);
+    assert_eq!(recording.time_s[4], 4.1);
+    assert_eq!(recording.elapsed_s().last(), Some(4.1));
+    let gz = recording.sensor("gyro_z").unwrap();
+    assert!((gz.values[0] - 15_f64.to_radians() / 3600.0).abs() < 1e-19);
+    assert!(gz.values[1..].iter().all(|value| value.is_nan()), "empty, gap, gap, infinite");
+    assert_eq!(
+        (gz.quality.present, gz.quality.missing, gz.quality.infinite, gz.quality.in_gaps),
+        (1, 2, 1, 2)
+    );
+    assert!((recording.sensor("az").unwrap().values[1] + 9.80665 * 1.0005).abs() < 1e-12);
+    assert_eq!(
+        recording.auxiliary("T").unwrap().values[0],
+        20.5,
+        "the nominal model's temperature is there unasked"
+    );
+    let field = recording.auxiliary("B").unwrap();
+    assert_eq!(field.auxiliary.unit, "T");
+    assert!((field.values[4] - 50e-6).abs() < 1e-15);
+    assert_eq!(recording.warnings.len(), 1, "{:?}", recording.warnings);
+}
+
+#[test]
+fn a_static_body_is_predicted_from_site_and_attitude() {
+    let recording = read(CASE, TABLE.as_bytes()).unwrap();
+    let predicted = |id: &str| predict(&recording, &recording.sensor(id).unwrap().sensor).unwrap();
+    let Prediction::Constant(rate) = predicted("gyro_z") else { panic!("a constant") };
+    let down = -7.292115e-5 * 45_f64.to_radians().sin();
+    assert!((rate - down).abs() < 1e-18);
+    let Prediction::Constant(force) = predicted("az") else { panic!("a constant") };
+    assert!((force + 9.8062).abs() < 1e-4);
+}
+
+#[test]
+fn mistakes_name_the_file_they_are_in() {
+    let missing = CASE.replace("column = \"gyro_z\"", "column = \"gyro_zz\"");
+    assert_eq!(
+        read(&missing, TABLE.as_bytes()).unwrap_err(),
+        "case.toml:15: sensor[0].column: found \"gyro_zz\"; expected a column of the table; did you mean \"gyro_z\"?"
+    );
+    let tables = [
+        (
+            "t,note,gyro_z,az,T,B\n0,a,1,1,1,1\n1,a,1,x1,1,1\n",
+            "r.csv:3: az: found \"x1\"; expected a number, nan or nothing",
+        ),
+        ("t,note,gyro_z,az,T,B\n0,a,1,1,1,1\n0,a,1,1,1,1\n", "r.csv:3: t: row 2: found time 0 after 0"),
+        (
+            "t,note,gyro_z,az,T,B\n0,a,1,1,1,1\n,a,1,1,1,1\n",
+            "r.csv:3: t: row 2: found no time; expected seconds",
+        ),
+        ("t,note,gyro_z,az,T,B\n0,a,1,1\n1,a,1,1,1,1\n", "r.csv:2: found a row of 4 cells; expected 6"),
+        ("t,note,gyro_z,az,T,B\n0,a,1,1,1,1,7\n1,a,1,1,1,1\n", "r.csv:2: found a row of 7 cells; expected 6"),
+        (
+            "t,note,gyro_z,az,T,B\n0,a,1,1,1,1\n1e9,a,1,1,1,1\n",
+            "r.csv:3: t: row 2: found a jump of 1000000000 s",
+        ),
+        (
+            "t,note,gyro_z,az,T,B,B\n0,a,1,1,1,1,1\n",
+            "case.toml:27: aux[0].column: found \"B\", which the table has twice",
+        ),
+        (
+            "t,note,gyro_z,az,T,B\n0,a,1,1,1,1\n0.01,a,1,1,1,1\n",
+            "case.toml:6: recording.step_s: found 1; expected about 0.01",
+        ),
+        ("0,1,2\n3,4,5\n", "r.csv:1: found numbers only; expected a header row"),
+        ("", "r.csv:1: found an empty table; expected a header row"),
+        ("t,note,gyro_z,az,T,B\n", "r.csv: t: found 0 rows; expected at least two"),
+    ];
+    for (table, expected) in tables {
+        let message = read(CASE, table.as_bytes()).unwrap_err();
+        assert!(message.starts_with(expected), "{message}\nexpected {expected}");
+    }
+}
+
+#[test]
+fn a_last_row_cut_off_is_left_out_with_a_warning() {
+    let recording =
+        read(CASE, b"\xef\xbb\xbft,note,gyro_z,az,T,B\r\n0,a,1,1,1,1\r\n1, a, 1 ,1,1,1\r\n2,a,1").unwrap();
+    assert_eq!(recording.len(), 2);
+    assert!(
+        recording.warnings[0].contains("r.csv:4: the last row has 3 of 6 cells"),
+        "{:?}",
+        recording.warnings
+    );
+}
+
+#[test]
+fn a_gzip_file_cut_off_is_an_error() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("r.csv.gz");
+    let values: Vec<f64> = (0..5000).map(|row| f64::from(row).sin()).collect();
+    table::write(&path, &[("t", &values)]).unwrap();
+    let bytes = fs::read(&path).unwrap();
+    fs::File::create(&path).unwrap().write_all(&bytes[..bytes.len() / 2]).unwrap();
+    let error = table::open(&path).unwrap().read(&[0]).unwrap_err();
+    assert!(error.to_string().contains("cannot read the table"), "{error}");
+}
+
+#[test]
+fn files_that_are_not_there_are_named() {
+    let folder = TempDir::new().unwrap();
+    let error = Recording::read(&folder.path().join("none.toml")).unwrap_err().to_string();
+    assert!(error.contains("none.toml: cannot read the case"), "{error}");
+    let path = case(&folder, &CASE.replace("r.csv", "none.csv"), b"");
+    let error = Recording::read(&path).unwrap_err().to_string();
+    assert!(error.contains("none.csv: cannot read the table"), "{error}");
+    let error = table::open(folder.path()).err().map(|error| error.to_string()).unwrap_or_default();
+    assert!(error.contains("cannot read the table"), "a folder is not a table: {error}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(256))]
+
+    /// Every finite value is written so that it reads back to the same bits; NaN as missing.
+    #[test]
+    fn tables_read_back_to_the_same_bits(
+        rows in prop::collection::vec((any::<f64>(), any::<f64>()), 1..50),
+        gzipped in any::<bool>(),
+    ) {
+        let folder = TempDir::new().unwrap();
+        let path = folder.path().join(if gzipped { "t.csv.gz" } else { "t.csv" });
+        let finite = |value: f64| if value.is_finite() { value } else { f64::NAN };
+        let first: Vec<f64> = rows.iter().map(|row| finite(row.0)).collect();
+        let second: Vec<f64> = rows.iter().map(|row| finite(row.1)).collect();
+        table::write(&path, &[("a \"name\", quoted", &first), ("b", &second)]).unwrap();
+        let reader = table::open(&path).unwrap();
+        prop_assert_eq!(table::column_index(reader.names(), "a \"name\", quoted"), Ok(0));
+        let columns = reader.read(&[1, 0]).unwrap();
+        for (written, read) in [(&second, &columns.values[0]), (&first, &columns.values[1])] {
+            prop_assert_eq!(written.len(), read.len());
+            for (written, read) in written.iter().zip(read) {
+                prop_assert!(written.to_bits() == read.to_bits() || written.is_nan() && read.is_nan());
+            }
+        }
+    }
+
+    /// A table of one column, whose missing values are empty rows.
+    #[test]
+    fn a_single_column_keeps_its_missing_rows(present in prop::collection::vec(any::<bool>(), 1..20)) {
+        let folder = TempDir::new().unwrap();
+        let path = folder.path().join("t.csv");
+        let values: Vec<f64> = present.iter().map(|&present| if present { 1.5 } else { f64::NAN }).collect();
+        table::write(&path, &[("a", &values)]).unwrap();
+        let read = table::open(&path).unwrap().read(&[0]).unwrap();
+        prop_assert_eq!(read.values[0].iter().map(|value| value.is_finite()).collect::<Vec<_>>(), present);
+    }
+
+    /// Damaged files are refused with a message or read, never a panic, whatever the damage.
+    #[test]
+    fn damaged_files_never_panic(
+        damage in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>(), 0_u8..4), 1..12),
+        in_case in any::<bool>(),
+        gzipped in any::<bool>(),
+    ) {
+        let folder = TempDir::new().unwrap();
+        let mut table_bytes = TABLE.as_bytes().to_vec();
+        if gzipped {
+            let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+            encoder.write_all(&table_bytes).unwrap();
+            table_bytes = encoder.finish().unwrap();
+        }
+        let mut case_bytes = CASE.as_bytes().to_vec();
+        let bytes = if in_case { &mut case_bytes } else { &mut table_bytes };
+        for (at, byte, action) in damage {
+            if bytes.is_empty() {
+                break;
+            }
+            let at = at.index(bytes.len());
+            match action {
+                0 => bytes[at] = byte,
+                1 => bytes.truncate(at),
+                2 => bytes.insert(at, byte),
+                _ => { bytes.remove(at); }
+            }
+        }
+        fs::write(folder.path().join("r.csv"), &table_bytes).unwrap();
+        let path = folder.path().join("case.toml");
+        fs::write(&path, &case_bytes).unwrap();
+        match Recording::read(&path) {
+            Ok(recording) => {
+                for series in &recording.sensors {
+                    prop_assert_eq!(series.values.len(), recording.len());
+                    let _ = predict(&recording, &series.sensor);
+                }
+                prop_assert!(recording.time_s.windows(2).all(|pair| pair[0] < pair[1]));
+            }
+            Err(error) => {
+                prop_assert!(!error.to_string().contains('\n'), "one line: {error}");
+                prop_assert!(!error.problems.is_empty());
+            }
+        }
+    }
+
+    /// Nothing at all in common with a case.
+    #[test]
+    fn arbitrary_bytes_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
+        let folder = TempDir::new().unwrap();
+        let path = folder.path().join("case.toml");
+        fs::write(&path, &bytes).unwrap();
+        prop_assert!(Recording::read(&path).is_err());
+        if let Ok(table) = table::open(&path) {
+            let _ = table.read(&[0]);
+        }
+    }
+}
