@@ -162,7 +162,7 @@ fn fdi_2_geometries_that_cannot_serve_are_rejected_with_the_reason() {
 }
 
 #[test]
-fn fdi_4_1_table_2_of_the_paper() {
+fn fdi_11_table_2_of_the_paper() {
     const TABLE: [[f64; 5]; 5] = [
         [0.0814, 0.6730, 1.0075, 0.9572, 0.5413],
         [0.4245, 0.1671, 0.6949, 0.9572, 0.8539],
@@ -184,7 +184,7 @@ fn fdi_4_1_table_2_of_the_paper() {
 }
 
 #[test]
-fn fdi_4_1_minors_give_the_determinants_of_an_lu_factorisation() {
+fn fdi_3_minors_give_the_determinants_of_an_lu_factorisation() {
     let determinants = FiveDeterminants::new(&IsolationConfig::CONE.axes.map(Vector3::from));
     let measured = Vector5::new(0.3, -1.2, 0.7, 2.0, -0.4);
     for removed in 0..5 {
@@ -310,7 +310,7 @@ proptest! {
 
     /// The parity and the determinants do not contain the rate.
     #[test]
-    fn fdi_1_3_parity_is_independent_of_the_rate(
+    fn fdi_1_parity_is_independent_of_the_rate(
         space in geometry(),
         rate in proptest::array::uniform3(-10.0..10.0f64),
     ) {
