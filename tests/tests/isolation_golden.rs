@@ -88,6 +88,21 @@ fn fdi_9_rate_from_five_and_from_four() {
 }
 
 #[test]
+fn fdi_8_unequal_gyros_are_whitened() {
+    // Measurements over their σ have a parity without the rate and, as V Vᵀ = I, of unit covariance.
+    let sigma = [1e-7, 2e-7, 1.5e-7, 3e-7, 1e-7];
+    let space = ParitySpace::try_build(&SKEWED, &sigma).expect("can be flown");
+    let rate = Vector3::new(0.1, -0.2, 0.3);
+    let measured = Vector5::from_fn(|k, _| Vector3::from(SKEWED[k]).dot(&rate) / sigma[k]);
+    assert!(space.parity(&measured).norm() < 1e-14 * measured.norm());
+    assert!((space.matrix() * space.matrix().transpose() - Matrix2::identity()).amax() < 1e-14);
+    // Only the ratios of the σ matter.
+    let larger = ParitySpace::try_build(&SKEWED, &sigma.map(|s| s * 1e7)).expect("can be flown");
+    assert!((space.matrix() - larger.matrix()).amax() < 1e-14);
+    assert!((space.geometry().reference_sigma() - 1e-7).abs() < 1e-22);
+}
+
+#[test]
 fn fdi_9_second_fault_is_less_visible() {
     // Of a fault of one σ the five-gyro parity holds 0.632 σ, the four-gyro parity 1.05 to 1.7 times less.
     let space = cone();
