@@ -4,7 +4,7 @@
 //! | --- | --- |
 //! | [`series`] | the error series: readings less the ideal sensor's output |
 //! | [`trend`] | mean and straight line |
-//! | [`autocorrelation`] | unbiased autocorrelation over gaps |
+//! | [`mod@autocorrelation`] | unbiased autocorrelation over gaps |
 //! | [`allan`] | overlapping Allan deviation with χ² intervals |
 //! | [`power_law`] | quantisation, random walk, bias instability, rate random walk, ramp |
 //! | [`published`] | the published read-out of the autocorrelation, on block means |
