@@ -1,2 +1,5 @@
 //! The `schuler` command.
-fn main() {}
+
+fn main() -> std::process::ExitCode {
+    host_sim::command::main()
+}

@@ -94,3 +94,40 @@ fn hlt_11_against_the_rao_blackwellised_reference() {
     println!("Brier(P_jump) GPB2 / mixture-200: {found:.3} ± {sigma:.3}");
     assert!((0.93..=1.05).contains(&found), "{found} ± {sigma}");
 }
+
+/// Brier score over all modes, a run.
+fn brier_of_modes(model: &Model, filter: &mut dyn Filter, seed: u64) -> f64 {
+    let samples = Generator::new(model, seed).natural(STEPS);
+    let mut sum = 0.0;
+    for sample in &samples {
+        let posterior = filter.step(Some(sample.d));
+        for (r, p) in posterior.modes.iter().enumerate() {
+            let truth = f64::from(u8::from(model.mode(r) == sample.mode));
+            sum += (p - truth).powi(2);
+        }
+    }
+    sum / samples.len() as f64
+}
+
+#[test]
+fn hlt_8_three_levels_against_other_filters() {
+    let model = Model::doppler_three_levels();
+    let pairs = |runs: u64, other: &(dyn Fn(u64) -> Box<dyn Filter> + Sync)| {
+        let pairs: Vec<_> = (0..runs)
+            .into_par_iter()
+            .map(|seed| {
+                let ours = brier_of_modes(&model, &mut Monitored::<f32, 3>::three_levels(&model), seed);
+                (ours, brier_of_modes(&model, &mut *other(seed), seed))
+            })
+            .collect();
+        ratio_of_sums(&pairs)
+    };
+    let imm = pairs(200, &|_| Box::new(Imm::new(&model)));
+    let gpb1 = pairs(200, &|_| Box::new(Gpb1::new(&model)));
+    let reference = pairs(40, &|seed| Box::new(Mixture::bounded(&model, 200, seed)));
+    for (name, (ratio, sigma)) in [("IMM", imm), ("GPB1", gpb1), ("mixture-200", reference)] {
+        println!("three levels, Brier of all modes, GPB2 / {name}: {ratio:.3} ± {sigma:.3}");
+    }
+    assert!(imm.0 <= 0.88 && gpb1.0 <= 0.88);
+    assert!((0.93..=1.05).contains(&reference.0));
+}

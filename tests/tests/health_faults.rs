@@ -19,7 +19,7 @@ const CLEAR: f64 = 0.45;
 
 #[derive(Clone, Copy)]
 enum Fault {
-    /// Jump in units of σ_1.
+    /// Jump in units of the normal level.
     Jump(f64),
     /// Noise grown to the second level.
     Noise,
@@ -140,7 +140,7 @@ fn hlt_11_false_alarms_without_a_fault() {
     let counts: Vec<[u32; 4]> = (0..HOURS)
         .into_par_iter()
         .map(|seed| {
-            let samples = Generator::new(&model, 70_000 + seed).scripted(&[NOMINAL; 3600], None);
+            let samples = Generator::new(&model, 70_000 + seed).scripted(&vec![NOMINAL; 3600], None);
             let mut monitored = Monitored::<f32, 2>::delivered();
             let mut counts = [0; 4];
             let mut on = [false; 3];

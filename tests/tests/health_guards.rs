@@ -337,6 +337,18 @@ proptest! {
     }
 }
 
+/// Configuration and output survive being sent.
+#[test]
+fn health_configuration_and_output_survive_being_sent() {
+    let config = HealthConfig::<f32, 3>::doppler_against_inertial_three_levels();
+    let text = serde_json::to_string(&config).expect("serialisable");
+    assert_eq!(config, serde_json::from_str(&text).expect("the same"));
+    let mut monitored = Monitored::with(&config);
+    let output = *monitored.feed(Some(0.3), 1);
+    let text = serde_json::to_string(&output).expect("serialisable");
+    assert_eq!(output, serde_json::from_str(&text).expect("the same"));
+}
+
 /// Every field that cannot be flown is named.
 #[test]
 fn hlt_6_configuration_errors_name_the_field() {

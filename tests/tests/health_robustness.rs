@@ -225,7 +225,7 @@ fn hlt_6_radio_ramps_are_partly_taken_for_the_inertial_error() {
             .into_par_iter()
             .map(|seed| {
                 let samples =
-                    Generator::new(&Model::doppler(), 30_000 + seed).scripted(&[NOMINAL; 720], None);
+                    Generator::new(&Model::doppler(), 30_000 + seed).scripted(&vec![NOMINAL; 720], None);
                 let mut monitored = Monitored::<f32, 2>::delivered();
                 let mut found = usize::MAX;
                 for (k, sample) in samples.iter().enumerate() {
@@ -261,7 +261,7 @@ fn hlt_6_single_spikes() {
         let outcomes: Vec<_> = (0..50_u64)
             .into_par_iter()
             .map(|seed| {
-                let samples = Generator::new(&Model::doppler(), seed).scripted(&[NOMINAL; 660], None);
+                let samples = Generator::new(&Model::doppler(), seed).scripted(&vec![NOMINAL; 660], None);
                 let (mut hit, mut spared) =
                     (Monitored::<f32, 2>::delivered(), Monitored::<f32, 2>::delivered());
                 let (mut shift, mut alarm): (f32, f64) = (0.0, 0.0);
@@ -318,7 +318,7 @@ fn hlt_6_inertial_divergence() {
                 let mut generator = Generator::new(&Model::doppler(), 40_000 + seed);
                 let mut monitored = Monitored::<f32, 2>::delivered();
                 let mut named = false;
-                for (k, sample) in generator.scripted(&[NOMINAL; 1800], None).iter().enumerate() {
+                for (k, sample) in generator.scripted(&vec![NOMINAL; 1800], None).iter().enumerate() {
                     let output: HealthOutput<f32, 2> = *monitored.feed(Some(sample.d - rate * k as f64), 1);
                     named |=
                         output.verdict == Verdict::InertialDivergence && output.suspect == Suspect::Inertial;

@@ -103,10 +103,13 @@ fn tmp_11_missing_and_extreme_states_are_flagged() {
         assert_eq!(correction.status, expected);
         assert!(correction.rate([0.1; 3]).iter().all(|v| v.is_finite()));
     }
-    // Beyond the range the correction is that of its end.
-    let end = ThermalState { temperature: Some(85.0), ..state };
-    let beyond = ThermalState { temperature: Some(1e30), ..state };
-    assert_eq!(compensator.correction(&end).rate([0.1; 3]), compensator.correction(&beyond).rate([0.1; 3]));
+    // The laws go on for a quarter of the range of temperature, and no further.
+    let at = |temperature| {
+        compensator.correction(&ThermalState { temperature: Some(temperature), ..state }).rate([0.1; 3])
+    };
+    let slope = |low: f32, high: f32| (at(high)[0] - at(low)[0]) / f64::from(high - low);
+    assert!((slope(85.0, 115.0) / slope(20.0, 50.0) - 1.0).abs() < 0.02);
+    assert_eq!(at(121.25), at(1e30));
 }
 
 #[test]

@@ -1,1 +1,4 @@
-//! Placeholder.
+//! Why a recording does not look like its simulation.
+
+pub mod calibration;
+pub mod radio_identification;

@@ -120,7 +120,7 @@ fn cargo_build(root: &Path, target: &Path, image: Image) -> Result<PathBuf, Targ
     let cargo = env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut command = Command::new(cargo);
     command.current_dir(root);
-    command.args(["build", "--package", "firmware", "--release", "--target", TRIPLE]);
+    command.args(["build", "--package", "firmware", "--profile", "flight", "--target", TRIPLE]);
     command.args(["--features", image.features(), "--bin", image.binary()]);
     command.args(["--message-format", "json-render-diagnostics"]).arg("--target-dir").arg(target);
     // Flags for the host's build (coverage, sanitizers) have no place on the target.

@@ -13,10 +13,12 @@
 //! | [`model_curves`] | what the fits say of autocorrelation and Allan variance, for plots |
 //! | [`field_units`] | the units in which the field quotes coefficients |
 //! | [`report`] | all of it as data |
+//! | [`figures`] | all of it as figures |
 //! | [`summary`] | all of it as text |
 pub mod allan;
 pub mod autocorrelation;
 pub mod field_units;
+pub mod figures;
 pub mod likelihood;
 pub mod model_curves;
 pub mod power_law;

@@ -4,6 +4,10 @@
 //! The exact posterior of mode and state is a mixture of (2N)^k Gaussians. Merging the paths that lead to the
 //! same mode *after* the residual has weighed them keeps what tells a fresh jump from an old one; the
 //! interacting-multiple-model filter merges before and is overconfident for it.
+//!
+//! What the merging costs: where a lasting jump and an offset of ξ explain the residual about equally well, the
+//! exact posterior stays undecided while the merged one slowly settles for either. On recordings drawn from the
+//! model that gave one false jump alarm of more than ten minutes in 1000 h.
 use core::array;
 
 use nalgebra::{ComplexField, RealField, convert};

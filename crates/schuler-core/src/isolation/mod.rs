@@ -1,59 +1,379 @@
-//! Fault isolation in a block of five gyros.
-use serde::{Deserialize, Serialize};
+//! Fault isolation in a block of five gyros with skewed axes.
+//!
+//! Source: Larin (2015), "On identification of faults of navigation measuring elements", Int. Appl. Mech. 51(6);
+//! completed by what flight needs and the paper leaves out: the decision that nothing has failed at a stated rate
+//! of false alarms, an isolation margin, faults slower than one sample, unequal gyros, what to do after the
+//! isolation, and bad input. Equation ids FDI-1 to FDI-10.
+//!
+//! | module | computes |
+//! | --- | --- |
+//! | [`geometry`] | the axes in units of their noise, and whether they can serve |
+//! | [`parity`] | what the five measurements say that no rate can explain |
+//! | [`determinants`] | the five determinants: the disagreement of each four |
+//! | [`rate`] | the rate from five, or from the four that are left |
+//! | [`thresholds`] | thresholds for a stated mean time between false alarms |
+//! | [`detector`] | alarm, and which gyro |
+//! | [`remaining`] | alarm among the four that are left |
+//! | [`projector`], [`sequential`] | the paper's other methods, for any number of gyros: cross-checks |
+//!
+//! In: five rates along the input axes, rad/s, once a step. Out: [`IsolationOutput`].
+mod calibration;
+mod configuration;
+pub mod detector;
+pub mod determinants;
+pub mod geometry;
+mod input;
+mod investigation;
+mod orthogonal;
+mod output;
+pub mod parity;
+pub mod projector;
+pub mod rate;
+mod recovery;
+pub mod remaining;
+pub mod sequential;
+mod size;
+mod sums;
+pub mod thresholds;
+
+use nalgebra::{ComplexField, Matrix3, SVector, Vector2};
 
 use crate::config::ConfigError;
 use crate::reading::Reading;
+use calibration::OffsetCalibration;
+pub use configuration::IsolationConfig;
+use detector::{Alarm, DetectorConfig, FiveGyroDetector};
+use determinants::FiveDeterminants;
+use input::{GyroMask, InputLimits, InputMonitor};
+pub use output::{IsolationFlags, IsolationOutput, Verdict};
+use parity::{GYROS, ParitySpace};
+use rate::RateEstimator;
+use recovery::RecoveryMonitor;
+use remaining::FourGyroDetector;
+use size::FaultSize;
 
-/// Stub, replaced by the isolation work.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct IsolationConfig {
-    /// Unit input axes of the five gyros in body axes, one row a gyro.
-    pub axes: [[f64; 3]; 5],
-    /// 1-σ noise of each gyro per sample, rad/s.
-    pub sigma: [f64; 5],
-    /// Largest rate that a gyro can report, rad/s.
-    pub range: f64,
-}
+/// Three standard deviations cover the bound of the relative error.
+const BOUND_SIGMAS_SQUARED: f64 = 9.0;
+/// Mask of all gyros.
+const ALL: GyroMask = (1 << GYROS) - 1;
 
-impl IsolationConfig {
-    /// Five axes on the symmetric cone.
-    pub const CONE: Self = Self {
-        axes: [
-            [0.97204, 0.0, -0.23482],
-            [-0.60075, -0.77653, -0.18997],
-            [0.0, 0.47992, 0.87731],
-            [0.0, -0.47992, 0.87731],
-            [-0.60075, 0.77653, -0.18997],
-        ],
-        sigma: [1e-7; 5],
-        range: 1.0,
-    };
-}
-
-/// What the isolation says each step.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct IsolationOutput {
-    /// Body rate from the gyros in use, rad/s.
-    pub rate: [f64; 3],
-    /// Parity vector, rad/s.
-    pub parity: [f64; 2],
-}
-
-/// The isolator's state.
+/// The isolation with its state.
 #[derive(Clone, Copy, Debug)]
-pub struct FaultIsolation {}
+pub struct FaultIsolation {
+    space: ParitySpace<f64>,
+    determinants: FiveDeterminants<f64>,
+    estimator: RateEstimator<f64>,
+    /// `1/σ_k`, s/rad.
+    inverse_sigma: SVector<f64, GYROS>,
+    /// `ε²·Σσ_k⁻²/9`: what the squared rate adds to the unit variance of the parity, (rad/s)⁻².
+    inflation: f64,
+    rate_limit_squared: f64,
+    /// Largest constant error, in σ of each gyro.
+    offset_limit: SVector<f64, GYROS>,
+    margin: f64,
+
+    input: InputMonitor,
+    calibration: OffsetCalibration,
+    five: FiveGyroDetector<f64>,
+    four: FourGyroDetector<f64>,
+    recovery: RecoveryMonitor,
+    size: FaultSize,
+    /// Constant error of each gyro, in its σ.
+    offset: SVector<f64, GYROS>,
+    /// The measured constant was too large to be one.
+    offset_rejected: bool,
+    /// Gyros declared faulty.
+    excluded: GyroMask,
+    /// Covariance of the last rate, (rad/s)².
+    covariance: Matrix3<f64>,
+}
+
+/// One sample, made ready for the detectors.
+struct Sample {
+    /// Measurements less their constant errors, in σ; zero where a reading could not be used.
+    whitened: SVector<f64, GYROS>,
+    /// Gyros that could not be read.
+    unusable: GyroMask,
+    /// A gyro is stuck just now.
+    stuck: bool,
+    /// Not to be added up: the rate is above the limit, or the readings are not new.
+    suspended: bool,
+    /// The constant parity is being measured.
+    calibrating: bool,
+    /// Parity in σ of the gyros.
+    parity: Vector2<f64>,
+    /// Factor that makes the variance of the parity one where errors grow with the rate.
+    shrink: f64,
+    /// Normalised determinants, of unit variance.
+    determinants: SVector<f64, GYROS>,
+}
 
 impl FaultIsolation {
-    /// Build.
+    /// Checks the configuration and forms everything that is constant.
     ///
     /// # Errors
     /// A configuration that cannot be flown.
-    pub fn try_build(_config: &IsolationConfig) -> Result<Self, ConfigError> {
-        Ok(Self {})
+    pub fn try_build(config: &IsolationConfig) -> Result<Self, ConfigError> {
+        let space = ParitySpace::try_build(&config.axes, &config.sigma)?;
+        config.check()?;
+        let inverse_sigma = SVector::from(config.sigma).map(|sigma| 1.0 / sigma);
+        let detector = DetectorConfig {
+            false_alarm_interval: config.false_alarm_interval,
+            margin: config.margin,
+            persistence: config.persistence,
+            give_up_samples: config.give_up_samples,
+        };
+        let limits = InputLimits {
+            range: config.range,
+            stuck_samples: config.stuck_samples,
+            lost_samples: config.lost_samples,
+        };
+        let relative_variance = config.relative_error * config.relative_error / BOUND_SIGMAS_SQUARED;
+        Ok(Self {
+            determinants: FiveDeterminants::normalised(&space),
+            estimator: RateEstimator::new(&space),
+            inverse_sigma,
+            inflation: relative_variance * inverse_sigma.norm_squared(),
+            rate_limit_squared: config.rate_limit * config.rate_limit,
+            offset_limit: inverse_sigma * config.offset_limit,
+            margin: config.margin,
+            input: InputMonitor::new(limits),
+            calibration: OffsetCalibration::new(config.calibration_samples),
+            five: FiveGyroDetector::new(&detector),
+            four: FourGyroDetector::new(&detector),
+            recovery: RecoveryMonitor::new(config.readmit_samples),
+            size: FaultSize::none(),
+            offset: SVector::from(config.offset).component_mul(&inverse_sigma),
+            offset_rejected: false,
+            excluded: 0,
+            covariance: Matrix3::zeros(),
+            space,
+        })
     }
 
-    /// One sample of the five gyros, rad/s. `readmit`: ground command to take a gyro back.
-    pub fn step(&mut self, _gyros: &[Reading<f64>; 5], _readmit: Option<u8>) -> IsolationOutput {
-        IsolationOutput::default()
+    /// One sample of the five gyros, rad/s. `readmit`: ground command to take a gyro back; for a gyro that is in
+    /// use it restarts the detection. Never panics; the work does not depend on the data.
+    pub fn step(&mut self, gyros: &[Reading<f64>; GYROS], readmit: Option<u8>) -> IsolationOutput {
+        let mut flags = self.command(readmit);
+        let sample = self.prepare(gyros, &mut flags);
+
+        // Five gyros: detect and isolate, and go on until the isolation is final. [FDI-6]
+        let open = self.excluded == 0 || self.five.alarm() == Alarm::Isolated;
+        let watched = sample.complete() && open && !sample.calibrating;
+        let parity = sample.parity * sample.shrink;
+        let five = self.five.step(&self.space, &parity, watched, !sample.suspended);
+        if five.raised {
+            self.size = FaultSize::none();
+        }
+        let standing = !matches!(five.alarm, Alarm::Quiet | Alarm::Withdrawn);
+        self.size.step(&sample.parity, sample.complete() && (standing || self.excluded != 0));
+        let isolated = five.isolated.is_some_and(|gyro| self.isolate(1 << gyro));
+        let searching = standing && self.excluded == 0;
+        // An outlier that is not yet an alarm costs the sample, not the gyro.
+        let spike = five.outlier && !standing;
+        let spike_margin = spike && five.of_sample.margin >= self.margin;
+        let spiked = if spike_margin { 1 << five.of_sample.gyro } else { 0 };
+
+        // Four gyros: the determinant that does not contain the absent one detects. [FDI-9]
+        let absent = self.excluded | sample.unusable | spiked;
+        let disagreement = if sample.calibrating { None } else { only(absent) }
+            .and_then(|gyro| sample.determinants.get(gyro).copied());
+        let watched = disagreement.is_some() && !isolated && absent == self.excluded;
+        let four = self.four.step(disagreement.unwrap_or_default(), watched, !sample.suspended);
+        let second_fault = four.alarm == Alarm::Standing;
+
+        // All five in agreement again? [FDI-9]
+        let latched = self.excluded != 0 || second_fault || five.alarm == Alarm::GivenUp;
+        let agrees = sample.complete() && !sample.suspended && !sample.calibrating && !sample.stuck;
+        let recovered = self.recovery.step(&parity, latched && agrees);
+        if recovered {
+            self.readmit(ALL);
+        }
+        let absent = if recovered { 0 } else { absent };
+
+        let untrusted = absent.count_ones() > 1 || second_fault || four.outlier;
+        let verdict = match only(absent) {
+            _ if recovered => Verdict::NoFault,
+            _ if untrusted => Verdict::BlockUntrusted,
+            _ if searching => Verdict::DetectedNotIsolated,
+            Some(gyro) => Verdict::Fault(gyro as u8),
+            None if spike => Verdict::DetectedNotIsolated,
+            None => Verdict::NoFault,
+        };
+        flags |= raise(IsolationFlags::OUTLIER, five.outlier || four.outlier)
+            | raise(IsolationFlags::ALARM_RAISED, five.raised || four.raised)
+            | raise(
+                IsolationFlags::ALARM_WITHDRAWN,
+                five.alarm == Alarm::Withdrawn || four.alarm == Alarm::Withdrawn,
+            )
+            | raise(IsolationFlags::ISOLATED, isolated)
+            | raise(IsolationFlags::GIVEN_UP, five.alarm == Alarm::GivenUp && !recovered)
+            | raise(IsolationFlags::SECOND_FAULT, second_fault && !recovered)
+            | raise(IsolationFlags::READMITTED, recovered);
+
+        let trusted = verdict != Verdict::BlockUntrusted;
+        let rate = self.estimator.rate(&self.space, &sample.whitened, only(absent));
+        self.covariance = self.estimator.covariance(&self.space, only(absent));
+        let rate_sigma = self.covariance.diagonal().map(ComplexField::sqrt);
+        let (fault_size, fault_sigma) = self.fault_size();
+        IsolationOutput {
+            verdict,
+            flags,
+            gyros_used: if trusted { ALL & !absent } else { 0 },
+            excluded: self.excluded,
+            rate: keep(trusted, rate.into()),
+            rate_sigma: keep(trusted, rate_sigma.into()),
+            parity: keep(sample.complete(), parity.into()),
+            determinants: sample.valid_determinants(),
+            alarm_level: if watched { four.level } else { five.level },
+            margin: if standing { five.suspicion.margin } else { 0.0 },
+            fault_size,
+            fault_sigma,
+        }
     }
+
+    /// Gyros declared faulty, one bit a gyro.
+    pub fn excluded(&self) -> u8 {
+        self.excluded
+    }
+
+    /// Covariance of the last rate from the noise of the gyros that it came from, (rad/s)²; zero before the first.
+    pub fn rate_covariance(&self) -> &Matrix3<f64> {
+        &self.covariance
+    }
+
+    /// The constant error of each gyro that is being subtracted, rad/s.
+    pub fn offset(&self) -> [f64; GYROS] {
+        self.offset.component_div(&self.inverse_sigma).into()
+    }
+
+    fn command(&mut self, readmit: Option<u8>) -> IsolationFlags {
+        match readmit {
+            Some(gyro) if usize::from(gyro) < GYROS => {
+                self.readmit(1 << gyro);
+                IsolationFlags::READMITTED
+            }
+            Some(_) => IsolationFlags::COMMAND_REJECTED,
+            None => IsolationFlags::empty(),
+        }
+    }
+
+    /// Checks the readings and forms what the detectors need. `[FDI-7]` `[FDI-10]`
+    fn prepare(&mut self, gyros: &[Reading<f64>; GYROS], flags: &mut IsolationFlags) -> Sample {
+        let input = self.input.check(gyros);
+        self.exclude(input.stuck | input.lost);
+        let complete = input.usable == ALL;
+        let unusable = ALL & !input.usable;
+
+        let mut whitened = SVector::from(input.values).component_mul(&self.inverse_sigma) - self.offset;
+        for (gyro, value) in whitened.iter_mut().enumerate() {
+            *value = if unusable >> gyro & 1 == 0 { *value } else { 0.0 };
+        }
+        let absent = self.excluded | unusable;
+        let rate_squared = self.estimator.rate(&self.space, &whitened, only(absent)).norm_squared();
+        let fast = absent.count_ones() < 2 && rate_squared > self.rate_limit_squared;
+        // Repeated readings are not new evidence.
+        let suspended = fast || input.frozen;
+        // Scale and alignment errors grow with the rate: they count as noise, and long sums stay out of them.
+        let shrink = ComplexField::sqrt(1.0 / (1.0 + self.inflation * rate_squared));
+
+        let parity = self.space.parity(&whitened);
+        let calibrating = self.calibration.running();
+        if let Some(mean) = self.calibration.step(&parity, complete && !suspended && self.excluded == 0) {
+            self.take_offset(&mean);
+        }
+        *flags |= raise(IsolationFlags::READING_UNUSABLE, !complete)
+            | raise(IsolationFlags::STUCK, input.stuck != 0)
+            | raise(IsolationFlags::LOST, input.lost != 0)
+            | raise(IsolationFlags::FROZEN, input.frozen)
+            | raise(IsolationFlags::SUMS_SUSPENDED, suspended)
+            | raise(IsolationFlags::CALIBRATING, calibrating)
+            | raise(IsolationFlags::OFFSET_REJECTED, self.offset_rejected);
+        Sample {
+            determinants: self.determinants.of(&whitened) * shrink,
+            whitened,
+            unusable,
+            stuck: input.stuck != 0,
+            suspended,
+            calibrating,
+            parity,
+            shrink,
+        }
+    }
+
+    /// Freezes a measured mean parity as the least constant errors that explain it. `[FDI-7]`
+    fn take_offset(&mut self, mean_parity: &Vector2<f64>) {
+        let measured = self.space.matrix().tr_mul(mean_parity);
+        self.offset_rejected = measured.iter().zip(&self.offset_limit).any(|(x, limit)| x.abs() > *limit);
+        self.offset += measured * if self.offset_rejected { 0.0 } else { 1.0 };
+    }
+
+    /// Leaves out gyros that cannot be read; they stay out when they can be read again.
+    fn exclude(&mut self, gyros: GyroMask) {
+        if gyros & !self.excluded != 0 {
+            self.excluded |= gyros;
+            self.size = FaultSize::none();
+            self.five.reset();
+            self.four.reset();
+            self.recovery.reset();
+        }
+    }
+
+    /// Leaves out the gyro that the evidence names, instead of one that less evidence had named before. What the
+    /// other four said then was said with the wrong four. True when the gyro is new.
+    fn isolate(&mut self, gyro: GyroMask) -> bool {
+        let new = gyro != self.excluded;
+        if new {
+            self.excluded = gyro;
+            self.four.reset();
+            self.recovery.reset();
+        }
+        new
+    }
+
+    /// Takes gyros back.
+    fn readmit(&mut self, gyros: GyroMask) {
+        self.excluded &= !gyros;
+        self.size = FaultSize::none();
+        self.five.reset();
+        self.four.reset();
+        self.recovery.reset();
+    }
+
+    /// Size of the excluded gyro's fault and its 1-σ, rad/s.
+    fn fault_size(&self) -> (f64, f64) {
+        let Some(gyro) = only(self.excluded) else { return (0.0, 0.0) };
+        let sigma = 1.0 / self.inverse_sigma.get(gyro).copied().unwrap_or(1.0);
+        let (size, error) = self.size.of(&self.space, gyro);
+        (size * sigma, error * sigma)
+    }
+}
+
+impl Sample {
+    /// All five could be read.
+    fn complete(&self) -> bool {
+        self.unusable == 0
+    }
+
+    /// Determinants whose four gyros could all be read; zero for the others.
+    fn valid_determinants(&self) -> [f64; GYROS] {
+        let mut determinants: [f64; GYROS] = self.determinants.into();
+        for (removed, determinant) in determinants.iter_mut().enumerate() {
+            *determinant = if self.unusable & !(1 << removed) == 0 { *determinant } else { 0.0 };
+        }
+        determinants
+    }
+}
+
+/// The gyro of a mask that has exactly one.
+fn only(mask: GyroMask) -> Option<usize> {
+    mask.is_power_of_two().then_some(mask.trailing_zeros() as usize)
+}
+
+fn raise(flag: IsolationFlags, condition: bool) -> IsolationFlags {
+    if condition { flag } else { IsolationFlags::empty() }
+}
+
+fn keep<const N: usize>(condition: bool, values: [f64; N]) -> [f64; N] {
+    if condition { values } else { [0.0; N] }
 }

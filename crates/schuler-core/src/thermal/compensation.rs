@@ -5,8 +5,8 @@
 //! Coefficients are single precision, signals (rad/s, m/s²) double: the inverse is written `I − N`, `N = M(I + M)⁻¹`,
 //! so that the rounding of single precision falls on the correction, not on the signal.
 //!
-//! A coefficient block is checked once: whatever the thermal state within the block's range, `I + M` is then far from
-//! singular, and the state is kept within that range, with a flag. So the inverse needs no guard at run time.
+//! A coefficient block is checked once: whatever the thermal state, `I + M` is then far from singular, because the state
+//! is kept within a margin around the calibrated range, with a flag. So the inverse needs no guard at run time.
 use serde::{Deserialize, Serialize};
 
 use super::features::{Coefficient, CompensationStatus, FEATURES, FeatureMap, ThermalState, at};

@@ -8,6 +8,9 @@ use crate::config::{ConfigError, Problem};
 
 /// Number of features: constant, temperature, rate, three components of the gradient.
 pub const FEATURES: usize = 6;
+/// How far the laws are extrapolated: in temperature as a part of the range, in rate and gradient as a multiple of the limits.
+const TEMPERATURE_MARGIN: f32 = 0.25;
+const LIMIT_MARGIN: f32 = 1.5;
 
 /// The value of one coefficient at each feature, in the coefficient's unit.
 pub type Coefficient = [f32; FEATURES];
@@ -79,7 +82,8 @@ bitflags! {
         const NO_RATE = 1 << 1;
         /// The gradient is not known: taken as zero.
         const NO_GRADIENT = 1 << 2;
-        /// Outside the range of the calibration: taken at its end.
+        /// Outside the range of the calibration: the linear laws are extrapolated, by a quarter of the range of
+        /// temperature and half of the limits of rate and gradient at most.
         const OUT_OF_RANGE = 1 << 3;
     }
 }
@@ -131,30 +135,40 @@ impl FeatureMap {
         status.set(CompensationStatus::NO_RATE, rate.is_none());
         status.set(CompensationStatus::NO_GRADIENT, gradient.is_none());
 
-        let mut within = |value: f32, low: f32, high: f32| {
+        // Flagged beyond the range of the calibration, kept within the range of the check.
+        let mut within = |value: f32, [low, high]: [f32; 2], [least, most]: [f32; 2]| {
+            let outside = value < low || value > high;
             status.set(
                 CompensationStatus::OUT_OF_RANGE,
-                status.contains(CompensationStatus::OUT_OF_RANGE) || value < low || value > high,
+                status.contains(CompensationStatus::OUT_OF_RANGE) || outside,
             );
-            value.max(low).min(high)
+            value.max(least).min(most)
         };
         let [low, high] = self.temperature_range;
+        let margin = TEMPERATURE_MARGIN * (high - low);
         // Where the temperature is not known the range does not matter: the reference may lie outside it.
-        let t = temperature.map_or(self.reference_temperature, |t| within(t, low, high));
-        let d = within(rate.unwrap_or(0.0), -self.rate_limit, self.rate_limit);
-        let g = gradient.unwrap_or([0.0; 3]).map(|g| within(g, -self.gradient_limit, self.gradient_limit));
+        let t = temperature.map_or(self.reference_temperature, |t| {
+            within(t, self.temperature_range, [low - margin, high + margin])
+        });
+        let symmetric = |limit: f32| ([-limit, limit], [-limit * LIMIT_MARGIN, limit * LIMIT_MARGIN]);
+        let (calibrated, checked) = symmetric(self.rate_limit);
+        let d = within(rate.unwrap_or(0.0), calibrated, checked);
+        let (calibrated, checked) = symmetric(self.gradient_limit);
+        let g = gradient.unwrap_or([0.0; 3]).map(|g| within(g, calibrated, checked));
         let [gx, gy, gz] = g.map(|g| g / self.gradient_scale);
         let phi =
             [1.0, (t - self.reference_temperature) / self.temperature_scale, d / self.rate_scale, gx, gy, gz];
         (phi, status)
     }
 
-    /// Largest magnitude of each feature within the range of the calibration.
+    /// Largest magnitude of each feature that is ever used.
     pub(super) fn limits(&self) -> Coefficient {
         let [low, high] = self.temperature_range;
-        let t = (high - self.reference_temperature).max(self.reference_temperature - low);
-        let g = self.gradient_limit / self.gradient_scale;
-        [1.0, t / self.temperature_scale, self.rate_limit / self.rate_scale, g, g, g]
+        let reach = (high - self.reference_temperature).max(self.reference_temperature - low);
+        let t = reach + TEMPERATURE_MARGIN * (high - low);
+        let d = LIMIT_MARGIN * self.rate_limit;
+        let g = LIMIT_MARGIN * self.gradient_limit / self.gradient_scale;
+        [1.0, t / self.temperature_scale, d / self.rate_scale, g, g, g]
     }
 }
 

@@ -4,7 +4,9 @@
 //! exactly, because then it equals a known threshold. Those instants are kept in a [`Window`], and a [`Fit`] of
 //! `[1, s, exp(−s)]` to them gives temperature (degC) and rate (degC/s) with sigmas.
 //!
-//! Inputs: readings in degC on a 1 Hz clock of integer milliseconds. A step does the same work whatever they are.
+//! Inputs: readings in degC on a 1 Hz clock of integer milliseconds. A step does the same work whatever they are: on a
+//! Cortex-M4F in single precision 12 400 to 13 600 instructions, of a state of 1264 bytes. Single precision is within
+//! 4e-6 degC/h and 3e-6 degC of double.
 use bitflags::bitflags;
 use serde::{Deserialize, Serialize};
 

@@ -1,0 +1,61 @@
+//! The body rate from all five gyros, or from the four that are left.
+//!
+//! Least squares with each gyro weighted by its noise. Leaving a gyro out is taking the fault out of its reading
+//! that makes it agree with the other four: the same rate, without a second fit. Equation id FDI-9.
+//!
+//! In: measurements divided by their σ. Out: rate in body axes, rad/s, and its covariance, (rad/s)².
+use nalgebra::{Matrix3, RealField, SVector, Vector3};
+
+use super::orthogonal::ThinQr;
+use super::parity::{GYROS, ParitySpace};
+
+/// Weighted least squares over all five gyros, and over every four of them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RateEstimator<T> {
+    /// What the rate takes from each whitened measurement, rad/s.
+    gains: [Vector3<T>; GYROS],
+    /// Covariance of the rate from all five, (rad/s)².
+    covariance: Matrix3<T>,
+}
+
+impl<T: RealField + Copy> RateEstimator<T> {
+    /// The fit by the inverse of the triangular factor: `ω̂ = σ_ref R⁻¹ Qᵀ y`.
+    pub fn new(space: &ParitySpace<T>) -> Self {
+        let qr = ThinQr::new(space.geometry().axes());
+        let inverse = qr.triangle.solve_upper_triangular(&Matrix3::identity()).unwrap_or_else(Matrix3::zeros);
+        let gain = inverse * qr.range().transpose() * space.geometry().reference_sigma();
+        Self { gains: gain.data.0.map(Vector3::from), covariance: gain * gain.transpose() }
+    }
+
+    /// The rate from all gyros, or from those without `excluded`, whose reading has no part in it, rad/s. `[FDI-9]`
+    #[inline]
+    pub fn rate(
+        &self,
+        space: &ParitySpace<T>,
+        whitened: &SVector<T, GYROS>,
+        excluded: Option<usize>,
+    ) -> Vector3<T> {
+        let mut readings = *whitened;
+        for (gyro, reading) in readings.iter_mut().enumerate() {
+            *reading = if Some(gyro) == excluded { T::zero() } else { *reading };
+        }
+        // The fault of the excluded gyro against the reading of nothing that stands for it, and its part in the rate.
+        let fault = excluded.map_or_else(T::zero, |gyro| space.fault_size(&space.parity(&readings), gyro));
+        let mut rate = self.gain(excluded) * -fault;
+        for (gain, &reading) in self.gains.iter().zip(&readings) {
+            rate += gain * reading;
+        }
+        rate
+    }
+
+    /// Covariance of that rate from the noise of the gyros in use, (rad/s)². `[FDI-9]`
+    pub fn covariance(&self, space: &ParitySpace<T>, excluded: Option<usize>) -> Matrix3<T> {
+        let lost = self.gain(excluded) / excluded.map_or_else(T::one, |gyro| space.sensitivity_of(gyro));
+        self.covariance + lost * lost.transpose()
+    }
+
+    /// What the rate takes from a gyro; nothing for none.
+    fn gain(&self, gyro: Option<usize>) -> Vector3<T> {
+        gyro.and_then(|gyro| self.gains.get(gyro).copied()).unwrap_or_else(Vector3::zeros)
+    }
+}

@@ -1,0 +1,47 @@
+//! `schuler identify CASE.toml`.
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use schuler_recording::{CaseFile, Error, Recording};
+
+use super::Failure;
+use super::fly::write_json;
+use super::session::Session;
+use crate::identify::{Options, figures, identify};
+use crate::plot::Format;
+
+/// What to identify.
+#[derive(Debug, clap::Args)]
+pub(super) struct Arguments {
+    /// Case file.
+    case: PathBuf,
+    /// Longest lag of the reported autocorrelation, in steps.
+    #[arg(long, default_value_t = Options::default().longest_lag)]
+    lags: usize,
+    /// Directory for the results and the figures; without it nothing is written.
+    #[arg(long, short)]
+    out: Option<PathBuf>,
+    /// Also draw Allan deviation and autocorrelation of each sensor, in these forms; needs --out.
+    #[arg(long, value_enum, value_delimiter = ',', requires = "out")]
+    plot: Vec<Format>,
+}
+
+pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failure> {
+    let recording = Recording::of_case(CaseFile::read(&arguments.case)?)?;
+    Session::warn(&recording.warnings);
+    let progress = session.progress("identifying", recording.sensors.len());
+    let finished = AtomicUsize::new(0);
+    let options = Options { longest_lag: arguments.lags };
+    let found =
+        identify(&recording, options, |_| progress.done(finished.fetch_add(1, Ordering::Relaxed) + 1));
+    drop(progress);
+    if let Some(directory) = &arguments.out {
+        std::fs::create_dir_all(directory)
+            .map_err(|error| Error::io(directory, "make the directory", &error))?;
+        for (name, figure) in figures::all(&found) {
+            figure.write(directory, &name, &arguments.plot)?;
+        }
+        write_json(&directory.join("identification.json"), &found)?;
+    }
+    session.answer(&found, ToString::to_string)
+}

@@ -1,0 +1,104 @@
+//! The `schuler` command.
+//!
+//! | module | does |
+//! | --- | --- |
+//! | `simulate` | a scenario → recording, case and truth |
+//! | `fly` | a case → through the flight module |
+//! | `identify` | a case → noise of each sensor |
+//! | `demo` | all of it at once, on a flight of its own |
+//!
+//! Results go to standard output, as text or with `--json` as one JSON document; progress and warnings go to standard
+//! error. Exit status: 0 done, 2 bad input (one line: file, line, field, what was expected), 130 stopped, 1 anything else.
+mod demo;
+mod fly;
+mod identify;
+mod session;
+mod simulate;
+mod text;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use crate::output::Interrupted;
+use session::Session;
+
+/// Flight module, simulator and analysis for inertial sensors.
+#[derive(Debug, Parser)]
+#[command(name = "schuler", version, about, propagate_version = true, max_term_width = 110)]
+struct Arguments {
+    /// Print results as one JSON document.
+    #[arg(long, global = true)]
+    json: bool,
+    /// Show no progress.
+    #[arg(long, short, global = true)]
+    quiet: bool,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Make a recording from a scenario.
+    Simulate(simulate::Arguments),
+    /// Run the flight module over a recording.
+    Fly(fly::Arguments),
+    /// Find structure and parameters of each sensor's noise.
+    Identify(identify::Arguments),
+    /// Simulate a flight, fly it, and show what the module found.
+    Demo(demo::Arguments),
+}
+
+/// Why a command did not do what it was asked.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum Failure {
+    /// Bad input.
+    #[error("{0}")]
+    Input(#[from] schuler_recording::Error),
+    /// The user has stopped it.
+    #[error(transparent)]
+    Stopped(#[from] Interrupted),
+    /// Anything else.
+    #[error("{0:#}")]
+    Other(#[from] anyhow::Error),
+}
+
+impl Failure {
+    fn status(&self) -> u8 {
+        match self {
+            Self::Input(_) => 2,
+            Self::Stopped(_) => 130,
+            Self::Other(_) => 1,
+        }
+    }
+}
+
+/// Runs the command of this process's arguments.
+pub fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let session = Session::new(arguments.json, arguments.quiet);
+    let done = match &arguments.command {
+        Command::Simulate(arguments) => simulate::run(arguments, &session),
+        Command::Fly(arguments) => fly::run(arguments, &session),
+        Command::Identify(arguments) => identify::run(arguments, &session),
+        Command::Demo(arguments) => demo::run(arguments, &session),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("schuler: {failure}");
+            ExitCode::from(failure.status())
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_arguments_are_consistent() {
+        Arguments::command().debug_assert();
+    }
+}

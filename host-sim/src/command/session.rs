@@ -1,0 +1,106 @@
+//! What every command shares: where results, progress and warnings go, and whether the user wants to stop.
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde::Serialize;
+
+use super::Failure;
+use crate::output::{Interrupt, Interrupted};
+
+/// How often a bar is redrawn, Hz.
+const REDRAWS: u8 = 10;
+/// Steps between looks at the clock and at the user's wishes.
+const STRIDE: usize = 256;
+/// Exit status of a process that its user has stopped.
+const STOPPED: i32 = 130;
+
+/// A run of the command.
+#[derive(Debug)]
+pub(super) struct Session {
+    json: bool,
+    quiet: bool,
+    interrupt: Interrupt,
+}
+
+impl Session {
+    /// Listens to Ctrl-C from now on: the first stops the work at the next step, the second the process.
+    pub(super) fn new(json: bool, quiet: bool) -> Self {
+        let interrupt = Interrupt::default();
+        let heard = interrupt.clone();
+        // Without a handler Ctrl-C ends the process at once, which leaves no half-written file either.
+        let _ = ctrlc::set_handler(move || {
+            if heard.check().is_err() {
+                std::process::exit(STOPPED);
+            }
+            heard.request();
+        });
+        Self { json, quiet, interrupt }
+    }
+
+    /// A progress bar on standard error; not there with `--quiet` or where standard error is no terminal.
+    pub(super) fn progress(&self, label: &str, length: usize) -> Progress<'_> {
+        let target = if self.quiet {
+            ProgressDrawTarget::hidden()
+        } else {
+            ProgressDrawTarget::stderr_with_hz(REDRAWS)
+        };
+        let template = "{msg:<24} [{bar:40}] {percent:>3} %  {elapsed_precise} / {duration_precise}";
+        let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
+        let bar = ProgressBar::with_draw_target(Some(length as u64), target).with_style(style);
+        bar.set_message(label.to_owned());
+        Progress { bar, interrupt: &self.interrupt }
+    }
+
+    /// Warns, one line each, on standard error.
+    pub(super) fn warn(warnings: &[String]) {
+        for warning in warnings {
+            eprintln!("schuler: warning: {warning}");
+        }
+    }
+
+    /// Prints a result: as JSON, or what `text` makes of it.
+    pub(super) fn answer<T: Serialize>(
+        &self,
+        result: &T,
+        text: impl FnOnce(&T) -> String,
+    ) -> Result<(), Failure> {
+        use std::io::Write;
+        let printed = if self.json {
+            let json = serde_json::to_string_pretty(result).map_err(|error| Failure::Other(error.into()))?;
+            json + "\n"
+        } else {
+            text(result)
+        };
+        match std::io::stdout().lock().write_all(printed.as_bytes()) {
+            // Whoever reads has had enough.
+            Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure::Other(error.into())),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// A progress bar that also knows whether the user wants to stop.
+pub(super) struct Progress<'s> {
+    bar: ProgressBar,
+    interrupt: &'s Interrupt,
+}
+
+impl Progress<'_> {
+    /// Notes the steps done, where they are few and long.
+    pub(super) fn done(&self, steps: usize) {
+        self.bar.set_position(steps as u64);
+    }
+
+    /// Notes the steps done.
+    pub(super) fn at(&self, step: usize) -> Result<(), Interrupted> {
+        if step.is_multiple_of(STRIDE) {
+            self.bar.set_position(step as u64);
+            return self.interrupt.check();
+        }
+        Ok(())
+    }
+}
+
+impl Drop for Progress<'_> {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}

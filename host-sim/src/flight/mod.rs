@@ -1,0 +1,21 @@
+//! Flies a recording: from a case to the flight module's inputs, through the module, to outputs, figures and a summary.
+//!
+//! | module | does |
+//! | --- | --- |
+//! | [`mod@plan`] | case and recording → one or more channels: configuration and inputs of the module |
+//! | [`mission`] | runs a channel on this machine or on the emulated target |
+//! | [`summary`] | what a run says of the filter, the noise and the gyros |
+//! | [`truth`] | what a simulation has left of the truth |
+//! | [`outputs`] | the module's outputs as a table |
+//! | [`figures`] | the module's outputs as figures |
+pub mod figures;
+pub mod mission;
+pub mod outputs;
+pub mod plan;
+pub mod summary;
+pub mod truth;
+
+pub use mission::{Flown, On, fly};
+pub use plan::{Channel, plan};
+pub use summary::Summary;
+pub use truth::LoopTruth;

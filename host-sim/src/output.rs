@@ -1,0 +1,106 @@
+//! Files that are whole or not there at all, and runs that can be stopped.
+use std::io::Write;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use schuler_recording::Error;
+
+/// The user has stopped the run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("stopped; nothing was written that is not whole")]
+pub struct Interrupted;
+
+/// Whether the user wants to stop.
+#[derive(Clone, Debug, Default)]
+pub struct Interrupt(Arc<AtomicBool>);
+
+impl Interrupt {
+    /// Notes that the user wants to stop.
+    pub fn request(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// An error once the user wants to stop.
+    ///
+    /// # Errors
+    /// The user wants to stop.
+    pub fn check(&self) -> Result<(), Interrupted> {
+        if self.0.load(Ordering::Relaxed) { Err(Interrupted) } else { Ok(()) }
+    }
+}
+
+/// Lets `write` write a temporary file beside `path`, with the same ending, and puts it in the place of `path` when
+/// that is done. Whatever happens before, `path` stays as it was.
+///
+/// # Errors
+/// As `write`, or when the file cannot be made or put in place.
+pub fn atomically(path: &Path, write: impl FnOnce(&Path) -> Result<(), Error>) -> Result<(), Error> {
+    let unwritable = |error: &std::io::Error| Error::io(path, "write the file", error);
+    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let directory = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let temporary = tempfile::Builder::new()
+        .prefix(".")
+        .suffix(&format!(".{name}"))
+        .tempfile_in(directory)
+        .map_err(|error| unwritable(&error))?
+        .into_temp_path();
+    write(&temporary)?;
+    readable_by_all(&temporary).map_err(|error| unwritable(&error))?;
+    temporary.persist(path).map_err(|error| unwritable(&error.error))
+}
+
+/// Writes bytes to `path`, whole or not at all.
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn write(path: &Path, bytes: &[u8]) -> Result<(), Error> {
+    if let Some(directory) = path.parent().filter(|p| !p.as_os_str().is_empty()) {
+        std::fs::create_dir_all(directory)
+            .map_err(|error| Error::io(directory, "make the directory", &error))?;
+    }
+    atomically(path, |temporary| {
+        std::fs::File::create(temporary)
+            .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
+            .map_err(|error| Error::io(path, "write the file", &error))
+    })
+}
+
+/// Temporary files are for their owner alone; results are not.
+#[cfg(unix)]
+fn readable_by_all(path: &Path) -> std::io::Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o644))
+}
+
+#[cfg(not(unix))]
+fn readable_by_all(_path: &Path) -> std::io::Result<()> {
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failed_write_leaves_the_old_file_and_nothing_else() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("result.csv");
+        write(&path, b"old").unwrap();
+        let failed = atomically(&path, |temporary| {
+            std::fs::write(temporary, b"half").unwrap();
+            Err(Error::one(&path, schuler_recording::Problem::of_file("broken")))
+        });
+        assert!(failed.is_err());
+        assert_eq!(std::fs::read(&path).unwrap(), b"old");
+        assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 1);
+        write(&path, b"new").unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"new");
+    }
+
+    #[test]
+    fn a_file_where_none_can_be_is_named() {
+        let error = write(Path::new("/proc/none/x.json"), b"").unwrap_err().to_string();
+        assert!(error.starts_with("/proc/none"), "{error}");
+    }
+}

@@ -1,0 +1,491 @@
+//! The scenario file `schuler-scenario/1`: what to simulate.
+//!
+//! One TOML file names the motion, the surroundings, the instruments with their physical parts, what goes wrong, and
+//! what the case written beside the recording shall believe. Keys that are left out have the value of an ideal
+//! instrument. Physical parts are in SI units (`_m`, `_Nm`, `_rad` …); an instrument's outputs and noise are in its
+//! `unit`. Every mistake is reported with line, field and expectation.
+mod fields;
+mod instruments;
+mod setting;
+
+use std::path::{Path, PathBuf};
+
+use schuler_recording::Error;
+use schuler_recording::case::Nominal;
+use schuler_recording::document::{Node, Parsed, parse};
+use schuler_recording::unit::Unit;
+
+use crate::physics::environment::EnvironmentDesign;
+use crate::physics::fault::{Fault, TimedFault};
+use crate::physics::gyro::GyroDesign;
+use crate::physics::motion::{Attitude, Motion, Site};
+use crate::physics::pendulum::AccelerometerDesign;
+use crate::physics::random::Process;
+
+use fields::Fields;
+
+/// What the key `format` must say.
+pub const FORMAT: &str = "schuler-scenario/1";
+
+/// A scenario.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scenario {
+    /// What it is, for people.
+    pub title: String,
+    /// Seed of every random stream.
+    pub seed: u64,
+    /// Length, s.
+    pub duration_s: f64,
+    /// Step of the recording, s.
+    pub step_s: f64,
+    /// Parts into which a step is cut for the instruments' response to motion.
+    pub parts: usize,
+    /// Where the body stands or starts.
+    pub site: Site,
+    /// How it moves.
+    pub motion: Motion,
+    /// What the case tells of the motion.
+    pub told: Told,
+    /// What surrounds the instruments.
+    pub environment: EnvironmentDesign,
+    /// What is recorded of the surroundings.
+    pub recorded: Recorded,
+    /// Gyros.
+    pub gyros: Vec<GyroEntry>,
+    /// Accelerometers.
+    pub accelerometers: Vec<AccelerometerEntry>,
+    /// Schuler loop.
+    pub schuler_loop: Option<LoopEntry>,
+    /// Faults.
+    pub faults: Vec<FaultEntry>,
+    /// Rows that the recording lacks: start and length, s.
+    pub gaps: Vec<(f64, f64)>,
+}
+
+/// What the case tells of the motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Told {
+    /// At rest, at the true attitude.
+    Static,
+    /// Rate and specific force in columns.
+    Recorded,
+    /// Velocity and attitude in columns.
+    Navigation,
+    /// Nothing.
+    Unknown,
+    /// The velocity error of the Schuler loop.
+    VelocityError,
+}
+
+/// What is recorded of the surroundings.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[expect(clippy::struct_excessive_bools, reason = "four independent switches")]
+pub struct Recorded {
+    /// Thermometers.
+    pub thermometers: Vec<ThermometerEntry>,
+    /// Whether the supply voltage is.
+    pub voltage: bool,
+    /// Whether the magnetic field in body axes is.
+    pub magnetic_field: bool,
+    /// Whether the vibration is.
+    pub vibration: bool,
+    /// Whether the specific force in body axes is, in a velocity-error case.
+    pub specific_force: bool,
+    /// Id of the gyro whose pick-off angles are.
+    pub pickoff: Option<String>,
+}
+
+/// A thermometer.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ThermometerEntry {
+    /// Its column.
+    pub column: String,
+    /// The sensor it sits at.
+    pub near: Option<String>,
+    /// Where it sits along the bar, m.
+    pub position_m: f64,
+    /// Its time constant, s.
+    pub tau_s: f64,
+    /// Noise per reading, K.
+    pub white: f64,
+    /// Step, K.
+    pub quantisation: f64,
+}
+
+/// A gyro and what the case says of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GyroEntry {
+    /// Id of its outputs about x and, if it is recorded, about y.
+    pub ids: (String, Option<String>),
+    /// Instrument it is part of.
+    pub group: Option<String>,
+    /// Unit of its columns.
+    pub unit: Unit,
+    /// Its parts.
+    pub design: GyroDesign,
+    /// Where it sits along the bar, m.
+    pub position_m: f64,
+    /// What the case believes, in `unit`.
+    pub nominal: Nominal,
+    /// Whether its columns are read against an unknown constant.
+    pub relative: bool,
+    /// Whether it has columns in the recording at all; one that has none may still drive the Schuler loop.
+    pub recorded: bool,
+}
+
+/// An accelerometer and what the case says of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AccelerometerEntry {
+    /// Its id.
+    pub id: String,
+    /// Instrument it is part of.
+    pub group: Option<String>,
+    /// Unit of its column.
+    pub unit: Unit,
+    /// Its parts.
+    pub design: AccelerometerDesign,
+    /// Where it sits along the bar, m.
+    pub position_m: f64,
+    /// What the case believes, in `unit`.
+    pub nominal: Nominal,
+    /// Whether its column is read against an unknown constant.
+    pub relative: bool,
+    /// Whether it has a column in the recording at all.
+    pub recorded: bool,
+}
+
+/// Where a sensor error of the Schuler loop comes from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ErrorSource {
+    /// A simulated instrument: output minus truth minus nominal bias. The id of its output.
+    Instrument(String),
+    /// Random drift and a white part (per √Hz), SI units.
+    Process {
+        /// Drift.
+        drift: Vec<Process>,
+        /// White noise density.
+        white: f64,
+    },
+}
+
+/// A Schuler loop.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LoopEntry {
+    /// Id of the recorded velocity error.
+    pub id: String,
+    /// Radius of the Earth, m.
+    pub radius_m: f64,
+    /// Gravity, m/s².
+    pub gravity: f64,
+    /// Velocity error at the start, m/s.
+    pub velocity_error: f64,
+    /// Tilt at the start, rad.
+    pub tilt: f64,
+    /// Where the accelerometer's error comes from.
+    pub accelerometer: ErrorSource,
+    /// Where the gyro's drift comes from.
+    pub gyro: ErrorSource,
+    /// Noise of the reference velocity per reading, m/s.
+    pub velocity_white: f64,
+    /// Delay of the reference velocity, s.
+    pub delay_s: f64,
+    /// Times without reference velocity: start and length, s.
+    pub outages: Vec<(f64, f64)>,
+    /// Which component of the vehicle's velocity the channel carries.
+    pub channel: Channel,
+    /// What the case believes.
+    pub nominal: schuler_recording::case::SchulerLoop,
+}
+
+/// A channel of a level platform.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Channel {
+    /// North.
+    North,
+    /// East.
+    East,
+}
+
+/// A fault and the output that has it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FaultEntry {
+    /// Id of the output.
+    pub sensor: String,
+    /// What goes wrong and when, in SI units.
+    pub fault: TimedFault,
+}
+
+/// A scenario that was read from a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ScenarioFile {
+    /// The file.
+    pub path: PathBuf,
+    /// Its text.
+    pub text: String,
+    /// What stands in it.
+    pub scenario: Scenario,
+    /// What its reader should be told.
+    pub warnings: Vec<String>,
+}
+
+impl ScenarioFile {
+    /// Reads the scenario at `path`.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the file, by line and field.
+    pub fn read(path: &Path) -> Result<Self, Error> {
+        let text =
+            std::fs::read_to_string(path).map_err(|error| Error::io(path, "read the scenario", &error))?;
+        Self::parse(path, &text)
+    }
+
+    /// Reads a scenario from `text`, the content of the file `path`.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the text, by line and field.
+    pub fn parse(path: &Path, text: &str) -> Result<Self, Error> {
+        let Parsed { value: scenario, warnings, .. } = parse(path, text, read)?;
+        Ok(Self { path: path.to_owned(), text: text.to_owned(), scenario, warnings })
+    }
+}
+
+fn read(node: &Node<'_>) -> Option<Scenario> {
+    let fields = Fields(node);
+    let format = node.required("format", &format!("\"{FORMAT}\"")).and_then(|field| {
+        let text = field.text()?;
+        if text == FORMAT { Some(()) } else { field.wrong(&format!("\"{FORMAT}\"")) }
+    });
+    let title = fields.text("title").unwrap_or_default();
+    let seed = fields.whole("seed", 1) as u64;
+    let time = node.required("time", "a table [time]").and_then(|field| field.table(setting::time));
+    let site = fields.table("site", setting::site).unwrap_or(Site { latitude: 0.0, height: 0.0 });
+    let motion = fields.table("motion", setting::motion).unwrap_or(Motion::Static(Attitude::default()));
+    let environment = setting::environment(node);
+    let thermometers = node.tables("thermometer", setting::thermometer);
+    let gyros = node.tables("gyro", instruments::gyro);
+    let block = node.optional("block").map(|field| field.table(instruments::block));
+    let accelerometers = node.tables("accelerometer", instruments::accelerometer);
+    let schuler_loop = fields.section("loop", setting::schuler_loop);
+    let gaps = node.tables("gap", setting::interval);
+    let faults = node.tables("fault", raw_fault);
+    let (told, mut recorded) = fields.section("case", setting::case).unwrap_or_default();
+    recorded.thermometers = thermometers?;
+    format?;
+    let (duration_s, step_s, parts) = time?;
+    let mut gyros = gyros?;
+    if let Some(block) = block {
+        gyros.extend(block?);
+    }
+    let (accelerometers, gaps, faults) = (accelerometers?, gaps?, faults?);
+
+    let told = told.unwrap_or(match (&schuler_loop, &motion) {
+        (Some(_), _) => Told::VelocityError,
+        (None, Motion::Static(_)) => Told::Static,
+        (None, _) => Told::Recorded,
+    });
+    let outputs = outputs(&gyros, &accelerometers, schuler_loop.as_ref());
+    for (index, (id, _)) in outputs.iter().enumerate() {
+        if outputs.iter().take(index).any(|(other, _)| other == id) {
+            return node.problem_at("gyro", &format!("found two outputs \"{id}\"; expected unique ids"));
+        }
+    }
+    if outputs.is_empty() {
+        return node.problem_at("gyro", "missing; expected [[gyro]], [[accelerometer]], [block] or [loop]");
+    }
+    if told == Told::VelocityError && schuler_loop.is_none() {
+        return node.problem_at("loop", "missing; expected [loop], as case.motion is \"velocity_error\"");
+    }
+    if told == Told::Static && !matches!(motion, Motion::Static(_)) {
+        return node
+            .problem_at("case.motion", "found \"static\"; expected recorded or unknown, as the body moves");
+    }
+    let known = |id: &str| outputs.iter().find(|(other, _)| other == id);
+    let mut resolved = Vec::new();
+    for (index, fault) in faults.into_iter().enumerate() {
+        let Some((_, factor)) = known(&fault.sensor) else {
+            let found = format!("found \"{}\"; expected the id of an output", fault.sensor);
+            return node.problem_at(&format!("fault[{index}].sensor"), &found);
+        };
+        resolved.push(FaultEntry { sensor: fault.sensor, fault: in_si(fault.timed, *factor) });
+    }
+    if let Some(entry) = &schuler_loop {
+        for (key, source) in [("accelerometer", &entry.accelerometer), ("gyro", &entry.gyro)] {
+            if let ErrorSource::Instrument(id) = source
+                && known(id).is_none()
+            {
+                let found = format!("found \"{id}\"; expected the id of an output");
+                return node.problem_at(&format!("loop.{key}"), &found);
+            }
+        }
+    }
+    Some(Scenario {
+        title,
+        seed,
+        duration_s,
+        step_s,
+        parts,
+        site,
+        motion,
+        told,
+        environment,
+        recorded,
+        gyros,
+        accelerometers,
+        schuler_loop,
+        faults: resolved,
+        gaps,
+    })
+}
+
+/// Ids of all outputs, with the SI value of one of their unit.
+fn outputs(
+    gyros: &[GyroEntry],
+    accelerometers: &[AccelerometerEntry],
+    schuler_loop: Option<&LoopEntry>,
+) -> Vec<(String, f64)> {
+    let mut all = Vec::new();
+    for gyro in gyros {
+        let factor = gyro.unit.in_si();
+        all.push((gyro.ids.0.clone(), factor));
+        all.extend(gyro.ids.1.clone().map(|id| (id, factor)));
+    }
+    all.extend(accelerometers.iter().map(|a| (a.id.clone(), a.unit.in_si())));
+    all.extend(schuler_loop.map(|entry| (entry.id.clone(), 1.0)));
+    all
+}
+
+struct RawFault {
+    sensor: String,
+    timed: TimedFault,
+}
+
+fn raw_fault(node: &Node<'_>) -> Option<RawFault> {
+    #[derive(Clone, Copy, PartialEq)]
+    enum Kind {
+        Step,
+        Ramp,
+        Stuck,
+        Noise,
+        Dropout,
+        Gain,
+    }
+    let fields = Fields(node);
+    let sensor = node.required("sensor", "the id of an output").and_then(|field| field.text());
+    let kind = node.required("kind", "step, ramp, stuck, noise, dropout or gain").and_then(|field| {
+        field.one_of(&[
+            ("step", Kind::Step),
+            ("ramp", Kind::Ramp),
+            ("stuck", Kind::Stuck),
+            ("noise", Kind::Noise),
+            ("dropout", Kind::Dropout),
+            ("gain", Kind::Gain),
+        ])
+    });
+    let onset_s = fields.not_negative("onset_s", 0.0);
+    let end_s = fields.number("end_s", f64::INFINITY);
+    let size = match kind {
+        Some(Kind::Stuck) => 0.0,
+        Some(Kind::Dropout) => fields.share("size", 1.0),
+        _ => node
+            .required("size", "the size of the fault in the output's unit (per second for a ramp)")
+            .and_then(|field| field.number())
+            .unwrap_or_default(),
+    };
+    let fault = match kind? {
+        Kind::Step => Fault::Step(size),
+        Kind::Ramp => Fault::Ramp(size),
+        Kind::Stuck => Fault::Stuck,
+        Kind::Noise => Fault::Noise(size),
+        Kind::Dropout => Fault::Dropout(size),
+        Kind::Gain => Fault::Gain(size),
+    };
+    Some(RawFault { sensor: sensor?, timed: TimedFault { fault, onset_s, end_s } })
+}
+
+fn in_si(timed: TimedFault, factor: f64) -> TimedFault {
+    let fault = match timed.fault {
+        Fault::Step(size) => Fault::Step(size * factor),
+        Fault::Ramp(rate) => Fault::Ramp(rate * factor),
+        Fault::Noise(sigma) => Fault::Noise(sigma * factor),
+        other => other,
+    };
+    TimedFault { fault, ..timed }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scenario(text: &str) -> Result<Scenario, Error> {
+        ScenarioFile::parse(Path::new("s.toml"), text).map(|file| file.scenario)
+    }
+
+    const SMALL: &str = r#"
+format = "schuler-scenario/1"
+[time]
+duration_s = 60.0
+[[gyro]]
+id = "g"
+unit = "deg/h"
+"#;
+
+    #[test]
+    fn a_small_scenario_has_the_defaults_of_ideal_instruments() {
+        let it = scenario(SMALL).unwrap();
+        assert_eq!((it.step_s, it.parts, it.seed), (1.0, 1, 1));
+        assert_eq!(it.told, Told::Static);
+        let design = &it.gyros[0].design;
+        let ideal = GyroDesign::ideal(100.0);
+        // Tuned anew, so equal but for rounding.
+        assert!((design.rotor.stiffness[0] / ideal.rotor.stiffness[0] - 1.0).abs() < 1e-12);
+        assert_eq!(design.readout, ideal.readout);
+        assert_eq!(design.pickoff_offset, ideal.pickoff_offset);
+    }
+
+    #[test]
+    fn mistakes_name_line_field_and_expectation() {
+        let wrong = |from: &str, to: &str| scenario(&SMALL.replace(from, to)).unwrap_err().to_string();
+        assert_eq!(
+            wrong("duration_s = 60.0", "duration_s = -1"),
+            "s.toml:4: time.duration_s: found -1; expected a number greater than zero"
+        );
+        assert_eq!(
+            wrong("unit = \"deg/h\"", "unit = \"g\""),
+            "s.toml:7: gyro[0].unit: found \"g\"; expected a unit of angular rate: rad/s, deg/s, deg/h"
+        );
+        assert_eq!(
+            wrong("unit = \"deg/h\"", "unnit = \"deg/h\""),
+            "s.toml:7: gyro[0].unnit: unknown key; did you mean `unit`?"
+        );
+        assert_eq!(
+            wrong("id = \"g\"", "id = \"g\"\nsecond_id = \"g\""),
+            "s.toml:5: gyro: found two outputs \"g\"; expected unique ids"
+        );
+        let fault = format!("{SMALL}[[fault]]\nsensor = \"h\"\nkind = \"stuck\"\n");
+        assert_eq!(
+            scenario(&fault).unwrap_err().to_string(),
+            "s.toml:9: fault[0].sensor: found \"h\"; expected the id of an output"
+        );
+        let unstable = format!("{SMALL}[gyro.loop]\nfilter_hz = 5000.0\n");
+        let error = scenario(&unstable).unwrap_err().to_string();
+        assert!(error.starts_with("s.toml:8: gyro[0].loop: the rebalance loop is unstable"), "{error}");
+    }
+
+    #[test]
+    fn faults_are_converted_to_si() {
+        let it =
+            scenario(&format!("{SMALL}[[fault]]\nsensor = \"g\"\nkind = \"step\"\nsize = 3600.0\n")).unwrap();
+        let Fault::Step(size) = it.faults[0].fault.fault else { panic!("{:?}", it.faults) };
+        assert!((size - 1f64.to_radians()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_block_is_five_gyros_of_one_design() {
+        let text = SMALL.replace("[[gyro]]\nid = \"g\"", "[block]\nid = \"b\"");
+        let it = scenario(&text).unwrap();
+        let ids: Vec<_> = it.gyros.iter().map(|g| g.ids.0.as_str()).collect();
+        assert_eq!(ids, ["b_1", "b_2", "b_3", "b_4", "b_5"]);
+        assert!((it.gyros[1].design.input_axis.y + 0.77653).abs() < 2e-5);
+        assert!(it.gyros.iter().all(|g| g.design.input_axis.dot(&g.design.spin_axis).abs() < 1e-12));
+    }
+}

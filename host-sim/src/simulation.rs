@@ -1,0 +1,730 @@
+//! Runs a scenario: from physics to a recording, its case, and the truth beside them.
+//!
+//! Row k of the recording, at time kΔ, holds the instruments' means over the step that ends there, and so do the
+//! reference rate and specific force. The truth is a table of its own, in SI units, which no case points to.
+use std::path::{Path, PathBuf};
+
+use nalgebra::Vector3;
+use schuler_recording::case::{
+    Attitude as NominalAttitude, Auxiliary, Case, Motion as NominalMotion, MotionKind, Nominal, Quantity,
+    Sensor, SensorKind, Site as NominalSite, Source,
+};
+use schuler_recording::unit::Unit;
+use schuler_recording::{Error, table};
+
+use crate::output::{self, Interrupted};
+use crate::physics::environment::Environment;
+use crate::physics::fault::{Faults, TimedFault};
+use crate::physics::gyro::Gyro;
+use crate::physics::heat::Thermometer;
+use crate::physics::motion::{Kinematics, Motion, Trajectory, euler};
+use crate::physics::pendulum::Accelerometer;
+use crate::physics::random::{Drift, Stream};
+use crate::physics::readout::Conversion;
+use crate::physics::schuler::{Delay, SchulerLoop};
+use crate::scenario::{Channel, ErrorSource, LoopEntry, Scenario, Told};
+
+/// Name of the case that is written.
+pub const CASE: &str = "case.toml";
+/// Name of the recording that is written.
+pub const RECORDING: &str = "recording.csv.gz";
+/// Name of the truth that is written beside them.
+pub const TRUTH: &str = "truth.csv.gz";
+
+/// Named columns of equal length.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Columns(Vec<(String, Vec<f64>)>);
+
+impl Columns {
+    /// A column by its name.
+    pub fn get(&self, name: &str) -> Option<&[f64]> {
+        self.0.iter().find(|(column, _)| column == name).map(|(_, values)| values.as_slice())
+    }
+
+    /// The columns for which `keep` says true at each row.
+    fn rows(&self, keep: &[bool]) -> Self {
+        let kept = |values: &Vec<f64>| {
+            values.iter().zip(keep).filter(|(_, keep)| **keep).map(|(value, _)| *value).collect()
+        };
+        Self(self.0.iter().map(|(name, values)| (name.clone(), kept(values))).collect())
+    }
+
+    fn write(&self, path: &Path) -> Result<(), Error> {
+        let columns: Vec<(&str, &[f64])> =
+            self.0.iter().map(|(name, values)| (name.as_str(), values.as_slice())).collect();
+        table::write(path, &columns)
+    }
+}
+
+/// A row in the making: values are put under their names in the same order every row.
+struct Rows {
+    columns: Columns,
+    capacity: usize,
+    next: usize,
+}
+
+impl Rows {
+    fn new(capacity: usize) -> Self {
+        Self { columns: Columns::default(), capacity, next: 0 }
+    }
+
+    fn start(&mut self) {
+        self.next = 0;
+    }
+
+    fn put(&mut self, name: impl FnOnce() -> String, value: f64) {
+        if self.next == self.columns.0.len() {
+            self.columns.0.push((name(), Vec::with_capacity(self.capacity)));
+        }
+        if let Some((_, values)) = self.columns.0.get_mut(self.next) {
+            values.push(value);
+        }
+        self.next += 1;
+    }
+
+    fn put3(&mut self, names: [&str; 3], v: &Vector3<f64>) {
+        for (name, value) in names.iter().zip(v.iter()) {
+            self.put(|| (*name).to_owned(), *value);
+        }
+    }
+}
+
+/// What a scenario gave.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Simulated {
+    /// The case, without nested directories.
+    pub case: Case,
+    /// The recording, in the units of the case.
+    pub recording: Columns,
+    /// The truth, in SI units.
+    pub truth: Columns,
+}
+
+/// The files that were written.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct Written {
+    /// The case.
+    pub case: PathBuf,
+    /// The recording.
+    pub recording: PathBuf,
+    /// The truth.
+    pub truth: PathBuf,
+}
+
+impl Simulated {
+    /// Writes case, recording and truth into a directory, each file whole or not at all.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn write(&self, directory: &Path) -> Result<Written, Error> {
+        std::fs::create_dir_all(directory)
+            .map_err(|error| Error::io(directory, "make the directory", &error))?;
+        let written = Written {
+            case: directory.join(CASE),
+            recording: directory.join(RECORDING),
+            truth: directory.join(TRUTH),
+        };
+        output::atomically(&written.recording, |path| self.recording.write(path))?;
+        output::atomically(&written.truth, |path| self.truth.write(path))?;
+        output::atomically(&written.case, |path| self.case.write(path))?;
+        Ok(written)
+    }
+}
+
+/// The mean motion over a step and its ends.
+struct StepMotion {
+    rate: Vec<Vector3<f64>>,
+    force: Vec<Vector3<f64>>,
+    end: Kinematics,
+}
+
+impl StepMotion {
+    fn mean(values: &[Vector3<f64>]) -> Vector3<f64> {
+        let n = values.len().saturating_sub(1).max(1) as f64;
+        values.windows(2).fold(Vector3::zeros(), |sum, w| sum + (w[0] + w[1]) / (2.0 * n))
+    }
+}
+
+/// Runs a scenario; `progress` hears the number of steps done and may stop the run.
+///
+/// # Errors
+/// The run was stopped.
+pub fn run(
+    scenario: &Scenario,
+    mut progress: impl FnMut(usize) -> Result<(), Interrupted>,
+) -> Result<Simulated, Interrupted> {
+    let steps = steps(scenario);
+    let step_s = scenario.step_s;
+    let mut plant = Plant::new(scenario);
+    let mut recording = Rows::new(steps);
+    let mut truth = Rows::new(steps);
+    let mut keep = Vec::with_capacity(steps);
+    for k in 1..=steps {
+        progress(k)?;
+        recording.start();
+        truth.start();
+        let time_s = k as f64 * step_s;
+        plant.step(time_s, &mut recording, &mut truth);
+        keep.push(!scenario.gaps.iter().any(|(start, length)| time_s >= *start && time_s < start + length));
+    }
+    Ok(Simulated { case: case(scenario), recording: recording.columns.rows(&keep), truth: truth.columns })
+}
+
+/// Number of steps of a scenario.
+pub fn steps(scenario: &Scenario) -> usize {
+    (scenario.duration_s / scenario.step_s).round().max(1.0) as usize
+}
+
+/// Everything that moves.
+struct Plant<'s> {
+    scenario: &'s Scenario,
+    trajectory: Trajectory,
+    environment: Environment,
+    gyros: Vec<(Gyro, Faults, Faults)>,
+    accelerometers: Vec<(Accelerometer, Faults)>,
+    thermometers: Vec<Thermometer>,
+    channel: Option<LoopPlant>,
+    before: Kinematics,
+}
+
+/// The Schuler loop with its reference and the sources of its sensors' errors.
+struct LoopPlant {
+    truth: SchulerLoop,
+    reference: Delay,
+    accelerometer: SourcePlant,
+    gyro: SourcePlant,
+    noise: Stream,
+    faults: Faults,
+}
+
+enum SourcePlant {
+    /// Id of the output, its nominal bias in SI, the last error.
+    Instrument(String, f64, f64),
+    Process(Drift, f64, Stream),
+}
+
+impl SourcePlant {
+    fn mean(&mut self, step_s: f64, outputs: &[Output]) -> f64 {
+        match self {
+            Self::Instrument(id, bias, last) => {
+                if let Some(output) = outputs.iter().find(|output| output.id == *id)
+                    && let Some(told) = output.told
+                {
+                    *last = told - output.input - *bias;
+                }
+                *last
+            }
+            Self::Process(drift, white, stream) => {
+                let before = drift.value();
+                0.5 * (before + drift.advance(step_s)) + *white / step_s.sqrt() * stream.normal()
+            }
+        }
+    }
+}
+
+/// What an instrument's output said in a step, SI units.
+struct Output {
+    id: String,
+    input: f64,
+    told: Option<f64>,
+}
+
+impl<'s> Plant<'s> {
+    fn new(scenario: &'s Scenario) -> Self {
+        let seed = scenario.seed;
+        let faults = |id: &str| {
+            let own: Vec<TimedFault> =
+                scenario.faults.iter().filter(|f| f.sensor == id).map(|f| f.fault).collect();
+            Faults::new(own, seed, id)
+        };
+        let mut trajectory = Trajectory::new(scenario.motion.clone(), scenario.site);
+        let before = trajectory.at(0.0);
+        let environment = Environment::new(scenario.environment.clone());
+        // Every design was tried when the scenario was read; one that fails all the same is left out.
+        let gyros = scenario
+            .gyros
+            .iter()
+            .filter_map(|entry| {
+                let gyro = Gyro::new(entry.design.clone(), seed, &entry.ids.0).ok()?;
+                let second = entry.ids.1.as_deref().unwrap_or_default();
+                Some((gyro, faults(&entry.ids.0), faults(second)))
+            })
+            .collect();
+        let accelerometers = scenario
+            .accelerometers
+            .iter()
+            .filter_map(|entry| {
+                Some((Accelerometer::new(entry.design.clone(), seed, &entry.id).ok()?, faults(&entry.id)))
+            })
+            .collect();
+        let thermometers = scenario
+            .recorded
+            .thermometers
+            .iter()
+            .map(|t| {
+                let initial = environment.temperature(t.position_m);
+                let stream = Stream::new(seed, &format!("{}/thermometer", t.column));
+                Thermometer::new(t.tau_s, t.white, t.quantisation, initial, stream)
+            })
+            .collect();
+        let channel = scenario.schuler_loop.as_ref().map(|entry| LoopPlant {
+            truth: SchulerLoop {
+                radius_m: entry.radius_m,
+                gravity: entry.gravity,
+                velocity_error: entry.velocity_error,
+                tilt: entry.tilt,
+            },
+            reference: Delay::new(entry.delay_s),
+            accelerometer: source(scenario, entry, &entry.accelerometer, "accelerometer"),
+            gyro: source(scenario, entry, &entry.gyro, "gyro"),
+            noise: Stream::new(seed, &format!("{}/white", entry.id)),
+            faults: faults(&entry.id),
+        });
+        Self { scenario, trajectory, environment, gyros, accelerometers, thermometers, channel, before }
+    }
+
+    fn step(&mut self, time_s: f64, recording: &mut Rows, truth: &mut Rows) {
+        let step_s = self.scenario.step_s;
+        let motion = self.move_body(time_s, step_s);
+        self.environment.advance(step_s);
+        recording.put(|| "t".to_owned(), time_s);
+        truth.put(|| "t".to_owned(), time_s);
+        truth.put3(["wx", "wy", "wz"], &StepMotion::mean(&motion.rate));
+        truth.put3(["fx", "fy", "fz"], &StepMotion::mean(&motion.force));
+        let attitude = euler(&motion.end.attitude);
+        let angles = Vector3::new(attitude.roll, attitude.pitch, attitude.heading);
+        truth.put3(["roll", "pitch", "heading"], &angles);
+        truth.put3(["vn", "ve", "vd"], &motion.end.velocity);
+        let place = Vector3::new(motion.end.latitude, motion.end.longitude, motion.end.height);
+        truth.put3(["latitude", "longitude", "height"], &place);
+
+        let mut outputs = Vec::new();
+        self.read_gyros(time_s, &motion, &mut outputs, recording, truth);
+        self.read_accelerometers(time_s, &motion, &mut outputs, recording, truth);
+        self.read_loop(time_s, &motion, &outputs, recording, truth);
+        self.read_surroundings(&motion, recording);
+        let (rate, force) = (StepMotion::mean(&motion.rate), StepMotion::mean(&motion.force));
+        match self.scenario.told {
+            Told::Recorded => {
+                recording.put3(["ref_wx", "ref_wy", "ref_wz"], &rate);
+                recording.put3(["ref_fx", "ref_fy", "ref_fz"], &force);
+            }
+            Told::Navigation => {
+                recording.put3(["vn", "ve", "vd"], &motion.end.velocity);
+                recording.put3(["roll", "pitch", "yaw"], &angles);
+            }
+            Told::VelocityError if self.scenario.recorded.specific_force => {
+                recording.put3(["fx", "fy", "fz"], &force);
+            }
+            _ => {}
+        }
+        self.before = motion.end;
+    }
+
+    fn move_body(&mut self, time_s: f64, step_s: f64) -> StepMotion {
+        let parts = self.scenario.parts;
+        let mut rate = vec![self.before.rate];
+        let mut force = vec![self.before.specific_force];
+        let mut end = self.before;
+        for part in 1..=parts {
+            end = self.trajectory.at(time_s - step_s + step_s * part as f64 / parts as f64);
+            rate.push(end.rate);
+            force.push(end.specific_force);
+        }
+        StepMotion { rate, force, end }
+    }
+
+    fn read_gyros(
+        &mut self,
+        time_s: f64,
+        motion: &StepMotion,
+        outputs: &mut Vec<Output>,
+        recording: &mut Rows,
+        truth: &mut Rows,
+    ) {
+        let step_s = self.scenario.step_s;
+        for ((gyro, first, second), entry) in self.gyros.iter_mut().zip(&self.scenario.gyros) {
+            let around = self.environment.around(entry.position_m, &motion.end.attitude);
+            let reading = gyro.step(&motion.rate, &motion.force, &around, step_s);
+            let si = entry.unit.in_si();
+            let ids = [Some(&entry.ids.0), entry.ids.1.as_ref()];
+            for (axis, (id, faults)) in ids.into_iter().zip([first, second]).enumerate() {
+                let Some(id) = id else { continue };
+                let (said, input) = (reading.rate[axis], reading.true_rate[axis]);
+                let told = faults.apply(time_s, said);
+                if entry.recorded {
+                    recording.put(|| id.clone(), told.unwrap_or(f64::NAN) / si);
+                }
+                truth.put(|| format!("{id}.input"), input);
+                truth.put(|| format!("{id}.error"), said - input);
+                truth.put(|| format!("{id}.fault"), f64::from(u8::from(faults.active(time_s))));
+                outputs.push(Output { id: id.clone(), input, told });
+            }
+            let id = &entry.ids.0;
+            truth.put(|| format!("{id}.temperature"), around.temperature);
+            truth.put(|| format!("{id}.gradient"), around.gradient);
+            if self.scenario.recorded.pickoff.as_ref() == Some(id) {
+                recording.put(|| format!("{id}.pickoff_x"), reading.pickoff[0]);
+                recording.put(|| format!("{id}.pickoff_y"), reading.pickoff[1]);
+            }
+        }
+    }
+
+    fn read_accelerometers(
+        &mut self,
+        time_s: f64,
+        motion: &StepMotion,
+        outputs: &mut Vec<Output>,
+        recording: &mut Rows,
+        truth: &mut Rows,
+    ) {
+        let step_s = self.scenario.step_s;
+        for ((instrument, faults), entry) in self.accelerometers.iter_mut().zip(&self.scenario.accelerometers)
+        {
+            let around = self.environment.around(entry.position_m, &motion.end.attitude);
+            let reading = instrument.step(&motion.rate, &motion.force, &around, step_s);
+            let told = faults.apply(time_s, reading.specific_force);
+            let (id, input) = (&entry.id, reading.true_force);
+            if entry.recorded {
+                recording.put(|| id.clone(), told.unwrap_or(f64::NAN) / entry.unit.in_si());
+            }
+            truth.put(|| format!("{id}.input"), input);
+            truth.put(|| format!("{id}.error"), reading.specific_force - input);
+            truth.put(|| format!("{id}.fault"), f64::from(u8::from(faults.active(time_s))));
+            truth.put(|| format!("{id}.temperature"), around.temperature);
+            truth.put(|| format!("{id}.gradient"), around.gradient);
+            outputs.push(Output { id: id.clone(), input, told });
+        }
+    }
+
+    fn read_loop(
+        &mut self,
+        time_s: f64,
+        motion: &StepMotion,
+        outputs: &[Output],
+        recording: &mut Rows,
+        truth: &mut Rows,
+    ) {
+        let (Some(channel), Some(entry)) = (&mut self.channel, &self.scenario.schuler_loop) else { return };
+        let step_s = self.scenario.step_s;
+        let component = usize::from(entry.channel == Channel::East);
+        let acceleration = (motion.end.velocity[component] - self.before.velocity[component]) / step_s;
+        let accelerometer = channel.accelerometer.mean(step_s, outputs);
+        let drift = channel.gyro.mean(step_s, outputs);
+        channel.truth.advance(step_s, accelerometer, drift, acceleration);
+        let velocity = motion.end.velocity[component];
+        let delayed = channel.reference.pass(time_s, velocity);
+        let noise = entry.velocity_white * channel.noise.normal();
+        let told = channel.faults.apply(time_s, channel.truth.velocity_error + (velocity - delayed) + noise);
+        let out = entry.outages.iter().any(|(start, length)| time_s >= *start && time_s < start + length);
+        let id = &entry.id;
+        recording.put(|| id.clone(), told.filter(|_| !out).unwrap_or(f64::NAN));
+        for (name, value) in [
+            ("velocity_error", channel.truth.velocity_error),
+            ("tilt", channel.truth.tilt),
+            ("accelerometer_error", accelerometer),
+            ("gyro_drift", drift),
+            ("fault", f64::from(u8::from(channel.faults.active(time_s)))),
+        ] {
+            truth.put(|| format!("{id}.{name}"), value);
+        }
+    }
+
+    fn read_surroundings(&mut self, motion: &StepMotion, recording: &mut Rows) {
+        let recorded = &self.scenario.recorded;
+        for (thermometer, entry) in self.thermometers.iter_mut().zip(&recorded.thermometers) {
+            let place = self.environment.temperature(entry.position_m);
+            recording.put(|| entry.column.clone(), thermometer.read(self.scenario.step_s, place));
+        }
+        if recorded.voltage {
+            recording.put(|| "supply_V".to_owned(), self.environment.voltage());
+        }
+        if recorded.magnetic_field {
+            let field = self.environment.magnetic_field(&motion.end.attitude);
+            recording.put3(["field_x", "field_y", "field_z"], &field);
+        }
+        if recorded.vibration {
+            recording.put(|| "vibration_rms".to_owned(), self.environment.vibration_rms());
+        }
+    }
+}
+
+fn source(scenario: &Scenario, entry: &LoopEntry, source: &ErrorSource, name: &str) -> SourcePlant {
+    match source {
+        ErrorSource::Instrument(id) => {
+            let gyro = scenario
+                .gyros
+                .iter()
+                .find(|g| g.ids.0 == *id || g.ids.1.as_ref() == Some(id))
+                .map(|g| g.nominal.bias * g.unit.in_si());
+            let accelerometer =
+                scenario.accelerometers.iter().find(|a| a.id == *id).map(|a| a.nominal.bias * a.unit.in_si());
+            SourcePlant::Instrument(id.clone(), gyro.or(accelerometer).unwrap_or_default(), 0.0)
+        }
+        ErrorSource::Process { drift, white } => {
+            let stream = |part: &str| Stream::new(scenario.seed, &format!("{}/{name}/{part}", entry.id));
+            SourcePlant::Process(Drift::new(drift, stream("drift")), *white, stream("white"))
+        }
+    }
+}
+
+/// The case that goes with the recording.
+fn case(scenario: &Scenario) -> Case {
+    let three = |names: [&str; 3]| Some(names.map(str::to_owned));
+    let mut motion = NominalMotion::default();
+    match scenario.told {
+        Told::Static => {
+            motion.kind = MotionKind::Static;
+            if let Motion::Static(attitude) = scenario.motion {
+                motion.attitude_deg = Some(NominalAttitude {
+                    roll: attitude.roll.to_degrees(),
+                    pitch: attitude.pitch.to_degrees(),
+                    heading: attitude.heading.to_degrees(),
+                });
+            }
+        }
+        Told::Recorded => {
+            motion.kind = MotionKind::Recorded;
+            motion.rate = three(["ref_wx", "ref_wy", "ref_wz"]);
+            motion.specific_force = three(["ref_fx", "ref_fy", "ref_fz"]);
+        }
+        Told::Navigation => {
+            motion.kind = MotionKind::Recorded;
+            motion.velocity_ned = three(["vn", "ve", "vd"]);
+            motion.attitude_rad = three(["roll", "pitch", "yaw"]);
+        }
+        Told::Unknown => motion.kind = MotionKind::Unknown,
+        Told::VelocityError => {
+            motion.kind = MotionKind::VelocityError;
+            if scenario.recorded.specific_force {
+                motion.specific_force = three(["fx", "fy", "fz"]);
+            }
+        }
+    }
+    Case {
+        title: scenario.title.clone(),
+        recording: Source { path: RECORDING.into(), time: "t".to_owned(), step_s: Some(scenario.step_s) },
+        site: Some(NominalSite {
+            latitude_deg: scenario.site.latitude.to_degrees(),
+            longitude_deg: None,
+            altitude_m: scenario.site.height,
+        }),
+        motion,
+        schuler_loop: scenario.schuler_loop.as_ref().map(|entry| entry.nominal),
+        sensors: sensors(scenario),
+        auxiliaries: auxiliaries(scenario),
+    }
+}
+
+fn sensors(scenario: &Scenario) -> Vec<Sensor> {
+    let rounding = |conversion: &Conversion, si: f64| match conversion {
+        Conversion::Rounding(step) => step / si,
+        Conversion::Exact | Conversion::Pulses(_) => 0.0,
+    };
+    let mut all = Vec::new();
+    for entry in scenario.gyros.iter().filter(|entry| entry.recorded) {
+        let d = &entry.design;
+        let (x, z) = (d.input_axis, d.spin_axis);
+        let axes = [x, z.cross(&x)];
+        let ids = [Some(&entry.ids.0), entry.ids.1.as_ref()];
+        for ((id, axis), readout) in ids.into_iter().zip(axes).zip(&d.readout) {
+            let Some(id) = id else { continue };
+            all.push(Sensor {
+                id: id.clone(),
+                kind: SensorKind::Dtg,
+                column: id.clone(),
+                unit: entry.unit,
+                axis: Some(axis.into()),
+                group: entry.group.clone(),
+                spin_axis: Some(z.into()),
+                quantisation: rounding(&readout.conversion, entry.unit.in_si()),
+                relative: entry.relative,
+                nominal: entry.nominal.clone(),
+            });
+        }
+    }
+    for entry in scenario.accelerometers.iter().filter(|entry| entry.recorded) {
+        all.push(Sensor {
+            id: entry.id.clone(),
+            kind: SensorKind::Accelerometer,
+            column: entry.id.clone(),
+            unit: entry.unit,
+            axis: Some(entry.design.input_axis.into()),
+            group: entry.group.clone(),
+            spin_axis: None,
+            quantisation: rounding(&entry.design.readout.conversion, entry.unit.in_si()),
+            relative: entry.relative,
+            nominal: entry.nominal.clone(),
+        });
+    }
+    if let Some(entry) = &scenario.schuler_loop {
+        all.push(Sensor {
+            id: entry.id.clone(),
+            kind: SensorKind::InsVelocity,
+            column: entry.id.clone(),
+            unit: Unit::MetrePerSecond,
+            axis: None,
+            group: None,
+            spin_axis: None,
+            quantisation: 0.0,
+            relative: false,
+            nominal: Nominal { white: entry.nominal.velocity_white, ..Nominal::default() },
+        });
+    }
+    all
+}
+
+fn auxiliaries(scenario: &Scenario) -> Vec<Auxiliary> {
+    let recorded = &scenario.recorded;
+    let plain = |column: &str, quantity: Quantity, unit: &str| Auxiliary {
+        column: column.to_owned(),
+        quantity,
+        unit: unit.to_owned(),
+        near: None,
+        position_m: None,
+    };
+    let mut all: Vec<Auxiliary> = recorded
+        .thermometers
+        .iter()
+        .map(|t| Auxiliary {
+            near: t.near.clone(),
+            position_m: Some([t.position_m, 0.0, 0.0]),
+            ..plain(&t.column, Quantity::Temperature, "degC")
+        })
+        .collect();
+    if recorded.voltage {
+        all.push(plain("supply_V", Quantity::Voltage, "V"));
+    }
+    if recorded.magnetic_field {
+        all.push(plain("field_x", Quantity::MagneticFieldX, "T"));
+        all.push(plain("field_y", Quantity::MagneticFieldY, "T"));
+        all.push(plain("field_z", Quantity::MagneticFieldZ, "T"));
+    }
+    if recorded.vibration {
+        all.push(plain("vibration_rms", Quantity::VibrationRms, "m/s^2"));
+    }
+    if let Some(id) = &recorded.pickoff {
+        for axis in ["x", "y"] {
+            let column = format!("{id}.pickoff_{axis}");
+            all.push(Auxiliary { near: Some(id.clone()), ..plain(&column, Quantity::Other, "rad") });
+        }
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::ScenarioFile;
+    use schuler_recording::Recording;
+
+    fn simulated(text: &str) -> Simulated {
+        let file = ScenarioFile::parse(Path::new("s.toml"), text).unwrap();
+        assert!(file.warnings.is_empty(), "{:?}", file.warnings);
+        run(&file.scenario, |_| Ok(())).unwrap()
+    }
+
+    const BENCH: &str = r#"
+format = "schuler-scenario/1"
+seed = 3
+[time]
+duration_s = 600.0
+[site]
+latitude_deg = 55.57
+altitude_m = 150.0
+[motion]
+kind = "static"
+attitude_deg = { roll = 10.0, pitch = -5.0, heading = 30.0 }
+[thermal]
+ambient_degC = { time_s = [0, 600], value = [20.0, 25.0] }
+bar = {}
+[[thermometer]]
+column = "temp"
+near = "gx"
+quantisation = 0.0625
+[[gyro]]
+id = "gx"
+second_id = "gy"
+unit = "deg/h"
+  [gyro.noise]
+  white = 0.02
+[[accelerometer]]
+id = "ax"
+unit = "ug"
+  [accelerometer.noise]
+  white = 5.0
+[[gap]]
+start_s = 100
+duration_s = 5
+"#;
+
+    #[test]
+    fn what_is_written_reads_back_as_a_case_with_the_predicted_outputs() {
+        let directory = tempfile::tempdir().unwrap();
+        let written = simulated(BENCH).write(directory.path()).unwrap();
+        let recording = Recording::read(&written.case).unwrap();
+        assert!(recording.warnings.is_empty(), "{:?}", recording.warnings);
+        assert_eq!((recording.len(), recording.gaps.len()), (600, 1));
+        // The case's own prediction, made by other code, agrees with the ideal instruments' outputs.
+        for (id, tolerance) in [("gx", 4e-9), ("gy", 4e-9), ("ax", 1e-3)] {
+            let series = recording.sensor(id).unwrap();
+            let predicted = match schuler_recording::motion::predict(&recording, &series.sensor).unwrap() {
+                schuler_recording::motion::Prediction::Constant(value) => value,
+                series @ schuler_recording::motion::Prediction::Series(_) => panic!("{series:?}"),
+            };
+            let present: Vec<f64> = series.values.iter().copied().filter(|v| v.is_finite()).collect();
+            let mean = present.iter().sum::<f64>() / present.len() as f64;
+            assert!((mean - predicted).abs() < tolerance, "{id}: {mean:e} against {predicted:e}");
+        }
+    }
+
+    #[test]
+    fn another_sensor_changes_nothing_for_the_others() {
+        let more = format!("{BENCH}[[gyro]]\nid = \"extra\"\n[gyro.noise]\nwhite = 1.0\n");
+        let (a, b) = (simulated(BENCH), simulated(&more));
+        for column in ["gx", "gy", "ax", "temp"] {
+            assert_eq!(a.recording.get(column), b.recording.get(column), "{column}");
+        }
+        let reseeded = simulated(&BENCH.replace("seed = 3", "seed = 4"));
+        assert_ne!(a.recording.get("gx"), reseeded.recording.get("gx"));
+    }
+
+    #[test]
+    fn the_loop_is_driven_by_its_instruments() {
+        let text = r#"
+format = "schuler-scenario/1"
+[time]
+duration_s = 3000.0
+[motion]
+kind = "vehicle"
+level_platform = true
+[[gyro]]
+id = "ge"
+input_axis = [0.0, 1.0, 0.0]
+unit = "deg/h"
+  [gyro.torque]
+  reaction_Nm = [0.0, 2e-9]
+[loop]
+gyro = "ge"
+velocity_white = 0.0
+"#;
+        let it = simulated(text);
+        let drift = it.truth.get("velocity_error.gyro_drift").unwrap();
+        let error = it.truth.get("ge.error").unwrap();
+        assert_eq!(drift, error);
+        assert!(drift[0].abs() > 1e-8);
+        // ΔV = −R ω (1 − cos ω_S t).
+        let t = 3000.0;
+        let w = (9.80665f64 / 6_371_000.0).sqrt();
+        let expected = -6_371_000.0 * drift[0] * (1.0 - (w * t).cos());
+        let found = it.recording.get("velocity_error").unwrap()[2999];
+        assert!((found / expected - 1.0).abs() < 1e-3, "{found} {expected}");
+    }
+
+    #[test]
+    fn a_run_can_be_stopped() {
+        let file = ScenarioFile::parse(Path::new("s.toml"), BENCH).unwrap();
+        let stopped = run(&file.scenario, |k| if k > 10 { Err(Interrupted) } else { Ok(()) });
+        assert_eq!(stopped, Err(Interrupted));
+    }
+}

@@ -1,0 +1,223 @@
+//! The `schuler` command from the outside: exit status, messages, JSON, files.
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+use serde_json::Value;
+
+fn schuler(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_schuler")).args(arguments).output().unwrap()
+}
+
+fn scenario(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios").join(name)
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+fn json(output: &Output) -> Value {
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// A scenario of ten minutes: a Schuler loop and five gyros of which one fails.
+fn short(directory: &Path) -> PathBuf {
+    let path = directory.join("short.toml");
+    let text = r#"
+format = "schuler-scenario/1"
+title = "short"
+[time]
+duration_s = 600.0
+[motion]
+kind = "vehicle"
+level_platform = true
+[loop]
+velocity_white = 0.1
+[loop.nominal]
+velocity_white = 0.1
+[block]
+id = "g"
+[block.noise]
+white = 0.02
+[block.nominal]
+white = 0.02
+[[fault]]
+sensor = "g_3"
+kind = "step"
+size = 0.4
+onset_s = 300.0
+[[gap]]
+start_s = 100.0
+duration_s = 7.0
+"#;
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+#[test]
+fn simulate_then_fly_gives_json_and_whole_files_and_says_nothing_else() {
+    let directory = tempfile::tempdir().unwrap();
+    let out = directory.path().join("run");
+    let simulated = schuler(&[
+        "simulate",
+        short(directory.path()).to_str().unwrap(),
+        "--out",
+        out.to_str().unwrap(),
+        "--json",
+        "--plot",
+        "svg",
+    ]);
+    assert_eq!(text(&simulated.stderr), "");
+    let answer = json(&simulated);
+    assert_eq!(answer["format"], "schuler-simulation/1");
+    let case = answer["case"].as_str().unwrap().to_owned();
+
+    let flown_to = directory.path().join("flown");
+    let flown = schuler(&["fly", &case, "--json", "--out", flown_to.to_str().unwrap(), "--plot", "svg,png"]);
+    assert_eq!(text(&flown.stderr), "");
+    let answer = json(&flown);
+    let channel = &answer["channels"][0];
+    assert_eq!(channel["steps"], 600);
+    assert_eq!(channel["filter"]["missing"], 7);
+    let faults: Vec<&Value> =
+        channel["gyros"]["verdicts"].as_array().unwrap().iter().filter(|v| v["verdict"] == "fault").collect();
+    assert_eq!(faults[0]["gyro"], "g_3");
+    assert!((300.0..310.0).contains(&faults[0]["time_s"].as_f64().unwrap()), "{faults:?}");
+    assert!(channel["truth"]["states"][1]["rmse"].as_f64().unwrap() < 1e-3);
+    for file in answer["files"].as_array().unwrap() {
+        assert!(std::fs::metadata(file.as_str().unwrap()).unwrap().len() > 0, "{file}");
+    }
+    // Nothing temporary is left.
+    for entry in std::fs::read_dir(&flown_to).unwrap() {
+        let name = entry.unwrap().file_name();
+        assert!(!name.to_string_lossy().starts_with('.'), "{name:?}");
+    }
+    // The text for people has the same.
+    let words = text(&schuler(&["fly", &case]).stdout);
+    assert!(words.contains("g_3 has failed") && words.contains("NIS: mean"), "{words}");
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes_and_another_does_not() {
+    let directory = tempfile::tempdir().unwrap();
+    let scenario = short(directory.path());
+    let recording = |name: &str, seed: &str| {
+        let out = directory.path().join(name);
+        json(&schuler(&[
+            "simulate",
+            scenario.to_str().unwrap(),
+            "--out",
+            out.to_str().unwrap(),
+            "--json",
+            "--seed",
+            seed,
+        ]));
+        std::fs::read(out.join("recording.csv.gz")).unwrap()
+    };
+    assert_eq!(recording("a", "7"), recording("b", "7"));
+    assert_ne!(recording("a", "7"), recording("c", "8"));
+}
+
+#[test]
+fn bad_input_is_one_line_with_file_line_field_and_expectation_and_status_2() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = short(directory.path());
+    let broken =
+        std::fs::read_to_string(&path).unwrap().replace("duration_s = 600.0", "duration_s = \"long\"");
+    std::fs::write(&path, broken).unwrap();
+    let out = directory.path().join("run");
+    let failed = schuler(&["simulate", path.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+    assert_eq!(failed.status.code(), Some(2));
+    let line = text(&failed.stderr);
+    assert_eq!(line.lines().count(), 1, "{line}");
+    assert!(
+        line.contains("short.toml:5: time.duration_s: found \"long\"; expected a number greater than zero"),
+        "{line}"
+    );
+    assert!(!out.exists());
+
+    for (arguments, expected) in [
+        (vec!["fly", "/no/such/case.toml"], "/no/such/case.toml: cannot read the case"),
+        (vec!["fly"], "required arguments"),
+        (vec!["simulate", "x.toml"], "--out"),
+        (vec!["fly", "x.toml", "--on", "paper"], "possible values: host, qemu"),
+    ] {
+        let failed = schuler(&arguments);
+        assert_eq!(failed.status.code(), Some(2), "{arguments:?}");
+        assert!(text(&failed.stderr).contains(expected), "{arguments:?}: {}", text(&failed.stderr));
+    }
+}
+
+#[test]
+fn a_configuration_that_cannot_be_flown_is_bad_input() {
+    let directory = tempfile::tempdir().unwrap();
+    let case = directory.path().join("case.toml");
+    std::fs::write(
+        &case,
+        r#"
+format = "schuler-case/1"
+[recording]
+path = "r.csv"
+time = "t"
+step_s = 1.0
+[motion]
+kind = "velocity_error"
+[loop]
+accelerometer = { sigma = 1e-3, tau_s = 0.1 }
+[[sensor]]
+id = "v"
+kind = "ins_velocity"
+column = "v"
+unit = "m/s"
+"#,
+    )
+    .unwrap();
+    std::fs::write(directory.path().join("r.csv"), "t,v\n0,0\n1,0\n2,0\n").unwrap();
+    let failed = schuler(&["fly", case.to_str().unwrap()]);
+    assert_eq!(failed.status.code(), Some(2), "{}", text(&failed.stdout));
+    assert!(
+        text(&failed.stderr).contains("case.toml: filter.accelerometer.tau_s: "),
+        "{}",
+        text(&failed.stderr)
+    );
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_stops_the_run_and_leaves_no_half_written_file() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = short(directory.path());
+    let long = std::fs::read_to_string(&path).unwrap().replace("duration_s = 600.0", "duration_s = 2e6");
+    std::fs::write(&path, long).unwrap();
+    let out = directory.path().join("run");
+    let child = Command::new(env!("CARGO_BIN_EXE_schuler"))
+        .args(["simulate", path.to_str().unwrap(), "--out", out.to_str().unwrap()])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    std::thread::sleep(std::time::Duration::from_secs(2));
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let ended = child.wait_with_output().unwrap();
+    assert_eq!(ended.status.code(), Some(130), "{}", text(&ended.stderr));
+    assert!(text(&ended.stderr).contains("stopped"));
+    assert!(!out.exists());
+}
+
+#[test]
+fn the_demonstration_finds_the_noise_and_the_fault() {
+    let directory = tempfile::tempdir().unwrap();
+    let out = directory.path().join("demo");
+    let answer = json(&schuler(&["demo", "--out", out.to_str().unwrap(), "--json", "--plot", "svg"]));
+    let beyond = |which: &str| answer[which]["tilt"]["beyond_three_sigma"].as_f64().unwrap();
+    let rmse = |which: &str| answer[which]["tilt"]["rmse"].as_f64().unwrap();
+    // The divergence to be reproduced, and its cure.
+    assert!(beyond("mistuned") > 0.25, "{}", beyond("mistuned"));
+    assert!(beyond("retuned") < 0.015, "{}", beyond("retuned"));
+    assert!(rmse("retuned") < 0.85 * rmse("mistuned"));
+    assert_eq!(answer["fault"]["isolated"], answer["fault"]["failed"]);
+    assert_eq!(answer["fault"]["alarms_before_the_fault"], 0);
+    assert!(out.join("before_and_after.svg").exists() && out.join("demo.json").exists());
+    assert!(scenario("demo.toml").exists());
+}

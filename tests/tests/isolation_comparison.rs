@@ -1,0 +1,142 @@
+//! The isolation methods against the optimum, as the host compares them.
+use host_sim::compare_isolation::{ComparisonRow, IsolationComparison, IsolationMethod, compare_isolation};
+use schuler_core::config::Problem;
+
+fn row(rows: &[ComparisonRow], method: IsolationMethod, fault: f64) -> ComparisonRow {
+    *rows.iter().find(|row| row.method == method && row.fault == fault).expect("is in the table")
+}
+
+fn print(rows: &[ComparisonRow]) {
+    for row in rows {
+        println!(
+            "{:32} f {:4} P {:.4} ± {:.4}  ratio {:.4} ± {:.4}  differs {:.5}",
+            row.method.name(),
+            row.fault,
+            row.probability,
+            row.standard_error,
+            row.ratio,
+            row.ratio_error,
+            row.differing
+        );
+    }
+}
+
+#[test]
+fn fdi_4_all_methods_against_the_optimum() {
+    // Probabilities at f/σ = 2, 3, 4, 6, 8, 10.
+    let optimum = [0.3291, 0.4480, 0.5666, 0.7591, 0.8821, 0.9493];
+    let published_recursion = [0.3283, 0.4461, 0.5624, 0.7461, 0.8671, 0.9349];
+    let condition_number = [0.3241, 0.4352, 0.5424, 0.7044, 0.8006, 0.8549];
+    let faults = vec![2.0, 3.0, 4.0, 6.0, 8.0, 10.0];
+    let comparison = IsolationComparison { faults: faults.clone(), ..IsolationComparison::default() };
+    let rows = compare_isolation(&comparison).expect("makes sense");
+    print(&rows);
+    assert_eq!(rows.len(), faults.len() * IsolationMethod::ALL.len());
+    for (index, &fault) in faults.iter().enumerate() {
+        use IsolationMethod as M;
+        // 2e5 trials: one standard error of a share is 0.0011 at most; the bar on the ratio is 0.006.
+        for method in [
+            M::Likelihood,
+            M::Determinants,
+            M::Projector,
+            M::ProjectorBySvd,
+            M::SequentialFilter,
+            M::RawDeterminants,
+        ] {
+            let found = row(&rows, method, fault);
+            assert!((found.probability / optimum[index] - 1.0).abs() <= 0.006, "{found:?}");
+            // On the cone the raw determinants are normalised already, within the five digits of its axes.
+            let bar = if method == M::RawDeterminants { 1e-4 } else { 1e-5 };
+            assert!(found.differing <= bar, "{found:?}");
+        }
+        // Both the table and the run have a standard error of up to 0.0011: four of their difference.
+        for (method, table) in
+            [(M::PublishedRecursion, published_recursion), (M::ConditionNumber, condition_number)]
+        {
+            let found = row(&rows, method, fault);
+            assert!((found.probability - table[index]).abs() < 0.0062, "{found:?} {}", table[index]);
+        }
+        assert!((row(&rows, M::ConditionNumberOfResidual, fault).ratio - 1.0).abs() < 0.002);
+    }
+}
+
+#[test]
+fn fdi_3_5_condition_number_depends_on_the_rate() {
+    let faults = vec![4.0, 8.0];
+    for (rate, table) in [(10.0, [0.5529, 0.8311]), (1000.0, [0.5656, 0.8773])] {
+        let comparison = IsolationComparison {
+            faults: faults.clone(),
+            rate,
+            trials: 100_000,
+            ..IsolationComparison::default()
+        };
+        let rows = compare_isolation(&comparison).expect("makes sense");
+        print(&rows);
+        for (fault, table) in faults.iter().zip(table) {
+            let found = row(&rows, IsolationMethod::ConditionNumber, *fault);
+            assert!((found.probability - table).abs() < 0.008, "{found:?} {table}");
+            assert!(row(&rows, IsolationMethod::SequentialFilter, *fault).differing <= 1e-5);
+        }
+    }
+}
+
+#[test]
+fn fdi_3_2_raw_determinants_on_an_asymmetric_block() {
+    let comparison = IsolationComparison {
+        axes: [
+            [1.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [0.0, 0.0, 1.0],
+            [-0.4708, -0.27389, 0.83865],
+            [0.85097, -0.30999, -0.42398],
+        ],
+        faults: vec![4.0, 6.0, 10.0],
+        trials: 100_000,
+        ..IsolationComparison::default()
+    };
+    let rows = compare_isolation(&comparison).expect("makes sense");
+    print(&rows);
+    for (fault, raw, likelihood) in [(4.0, 0.528, 0.546), (6.0, 0.708, 0.723), (10.0, 0.910, 0.908)] {
+        let found = row(&rows, IsolationMethod::RawDeterminants, fault);
+        assert!((found.probability - raw).abs() < 0.007, "{found:?}");
+        assert!((row(&rows, IsolationMethod::Likelihood, fault).probability - likelihood).abs() < 0.007);
+        assert!(row(&rows, IsolationMethod::Determinants, fault).differing == 0.0);
+    }
+}
+
+#[test]
+fn comparison_is_reproducible_and_rejects_nonsense() {
+    let comparison =
+        IsolationComparison { faults: vec![6.0], trials: 2000, ..IsolationComparison::default() };
+    let rows = compare_isolation(&comparison).expect("makes sense");
+    assert_eq!(rows, compare_isolation(&comparison).expect("makes sense"));
+    let other =
+        compare_isolation(&IsolationComparison { seed: 2, ..comparison.clone() }).expect("makes sense");
+    assert_ne!(rows, other);
+    for (field, problem, comparison) in [
+        ("comparison.trials", Problem::NotPositive, IsolationComparison { trials: 0, ..comparison.clone() }),
+        (
+            "comparison.faults",
+            Problem::NotFinite,
+            IsolationComparison { faults: vec![f64::NAN], ..comparison.clone() },
+        ),
+        (
+            "comparison.rate",
+            Problem::NotFinite,
+            IsolationComparison { rate: f64::INFINITY, ..comparison.clone() },
+        ),
+        (
+            "comparison.condition_unit",
+            Problem::NotPositive,
+            IsolationComparison { condition_unit: 0.0, ..comparison.clone() },
+        ),
+        (
+            "isolation.sigma",
+            Problem::NotPositive,
+            IsolationComparison { sigma: [0.0; 5], ..comparison.clone() },
+        ),
+    ] {
+        let error = compare_isolation(&comparison).expect_err("makes no sense");
+        assert_eq!((error.field, error.problem), (field, problem));
+    }
+}
