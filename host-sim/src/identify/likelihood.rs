@@ -34,7 +34,7 @@ const IMPOSSIBLE: f64 = 1e30;
 /// Side of the first simplex, in logarithms.
 const SIMPLEX_SIDE: f64 = 0.5;
 /// Spread of the simplex's log-likelihoods at which the search ends.
-const SIMPLEX_SPREAD: f64 = 1e-5;
+const SIMPLEX_SPREAD: f64 = 1e-4;
 /// Iterations of the search for each parameter.
 const MOST_ITERATIONS: u64 = 150;
 /// Step of the second differences of the log-likelihood, in logarithms.
