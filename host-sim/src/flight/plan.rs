@@ -252,12 +252,12 @@ fn config(
         ..default
     };
     if let Some(five) = gyros {
-        config.isolation = isolation(recording, five, config.max_age_ms);
+        config.isolation = isolation(recording, five);
     }
     config
 }
 
-fn isolation(recording: &Recording, five: &[&SensorSeries; GYROS], max_age_ms: u32) -> IsolationConfig {
+fn isolation(recording: &Recording, five: &[&SensorSeries; GYROS]) -> IsolationConfig {
     let sigma = five.map(|series| {
         let nominal = &series.sensor.nominal;
         let white = if nominal.white > 0.0 { nominal.white } else { DEFAULT_GYRO_NOISE };
@@ -270,7 +270,6 @@ fn isolation(recording: &Recording, five: &[&SensorSeries; GYROS], max_age_ms: u
         axes: five.map(|series| series.sensor.axis.unwrap_or_default()),
         sigma,
         range: GYRO_RANGE,
-        max_age_ms,
         offset: five.map(|series| series.sensor.nominal.bias),
         calibration_samples: if five.iter().any(|series| series.sensor.relative) {
             (recording.len() / 10).min(LONGEST_CALIBRATION) as u32
