@@ -13,6 +13,7 @@ use schuler_recording::unit::Unit;
 use schuler_recording::{Error, table};
 
 use crate::output::{self, Interrupted};
+use crate::physics::doppler::Doppler;
 use crate::physics::environment::Environment;
 use crate::physics::fault::{Faults, TimedFault};
 use crate::physics::gyro::Gyro;
@@ -182,6 +183,7 @@ struct Plant<'s> {
     environment: Environment,
     gyros: Vec<(Gyro, Faults, Faults)>,
     accelerometers: Vec<(Accelerometer, Faults)>,
+    dopplers: Vec<(Doppler, Faults)>,
     thermometers: Vec<Thermometer>,
     channel: Option<LoopPlant>,
     before: Kinematics,
@@ -257,6 +259,15 @@ impl<'s> Plant<'s> {
                 Some((Accelerometer::new(entry.design.clone(), seed, &entry.id).ok()?, faults(&entry.id)))
             })
             .collect();
+        let dopplers = scenario
+            .dopplers
+            .iter()
+            .map(|entry| {
+                let mut doppler = Doppler::new(entry.design.clone(), seed, &entry.id);
+                doppler.pass(0.0, &before);
+                (doppler, faults(&entry.id))
+            })
+            .collect();
         let thermometers = scenario
             .recorded
             .thermometers
@@ -280,7 +291,17 @@ impl<'s> Plant<'s> {
             noise: Stream::new(seed, &format!("{}/white", entry.id)),
             faults: faults(&entry.id),
         });
-        Self { scenario, trajectory, environment, gyros, accelerometers, thermometers, channel, before }
+        Self {
+            scenario,
+            trajectory,
+            environment,
+            gyros,
+            accelerometers,
+            dopplers,
+            thermometers,
+            channel,
+            before,
+        }
     }
 
     fn step(&mut self, time_s: f64, recording: &mut Rows, truth: &mut Rows) {
@@ -301,6 +322,7 @@ impl<'s> Plant<'s> {
         let mut outputs = Vec::new();
         self.read_gyros(time_s, &motion, &mut outputs, recording, truth);
         self.read_accelerometers(time_s, &motion, &mut outputs, recording, truth);
+        self.read_dopplers(time_s, &motion, recording, truth);
         self.read_loop(time_s, &motion, &outputs, recording, truth);
         self.read_surroundings(&motion, recording);
         let (rate, force) = (StepMotion::mean(&motion.rate), StepMotion::mean(&motion.force));
@@ -330,6 +352,11 @@ impl<'s> Plant<'s> {
             end = self.trajectory.at(time_s - step_s + step_s * part as f64 / parts as f64);
             rate.push(end.rate);
             force.push(end.specific_force);
+            if part < parts {
+                for (doppler, _) in &mut self.dopplers {
+                    doppler.pass(time_s - step_s + step_s * part as f64 / parts as f64, &end);
+                }
+            }
         }
         StepMotion { rate, force, end }
     }
@@ -394,6 +421,19 @@ impl<'s> Plant<'s> {
             truth.put(|| format!("{id}.temperature"), around.temperature);
             truth.put(|| format!("{id}.gradient"), around.gradient);
             outputs.push(Output { id: id.clone(), input, told });
+        }
+    }
+
+    fn read_dopplers(&mut self, time_s: f64, motion: &StepMotion, recording: &mut Rows, truth: &mut Rows) {
+        let around = self.environment.around(0.0, &motion.end.attitude);
+        for ((doppler, faults), entry) in self.dopplers.iter_mut().zip(&self.scenario.dopplers) {
+            let reading = doppler.read(time_s, &motion.end, &around, self.scenario.step_s);
+            let told = faults.apply(time_s, reading.velocity);
+            let (id, input) = (&entry.id, reading.true_velocity);
+            recording.put(|| id.clone(), told.unwrap_or(f64::NAN));
+            truth.put(|| format!("{id}.input"), input);
+            truth.put(|| format!("{id}.error"), reading.velocity - input);
+            truth.put(|| format!("{id}.fault"), f64::from(u8::from(faults.active(time_s))));
         }
     }
 
@@ -554,6 +594,20 @@ fn sensors(scenario: &Scenario) -> Vec<Sensor> {
             spin_axis: None,
             quantisation: rounding(&entry.design.readout.conversion, entry.unit.in_si()),
             relative: entry.relative,
+            nominal: entry.nominal.clone(),
+        });
+    }
+    for entry in &scenario.dopplers {
+        all.push(Sensor {
+            id: entry.id.clone(),
+            kind: SensorKind::Doppler,
+            column: entry.id.clone(),
+            unit: Unit::MetrePerSecond,
+            axis: Some(entry.design.axis.into()),
+            group: entry.group.clone(),
+            spin_axis: None,
+            quantisation: rounding(&entry.design.readout.conversion, 1.0),
+            relative: false,
             nominal: entry.nominal.clone(),
         });
     }

@@ -2,6 +2,7 @@
 //!
 //! Nothing here knows of the catalogue that explains a mismatch: an effect appears because a part is heavy, warm,
 //! elastic or late, not because its formula was added to an output.
+pub mod doppler;
 pub mod earth;
 pub mod environment;
 pub mod fault;

@@ -5,7 +5,8 @@ use schuler_recording::document::Node;
 use schuler_recording::unit::{Dimension, Unit};
 
 use super::fields::Fields;
-use super::{AccelerometerEntry, GyroEntry};
+use super::{AccelerometerEntry, DopplerEntry, GyroEntry};
+use crate::physics::doppler::DopplerDesign;
 use crate::physics::gyro::GyroDesign;
 use crate::physics::pendulum::AccelerometerDesign;
 use crate::physics::random::Process;
@@ -225,6 +226,25 @@ pub(super) fn accelerometer(node: &Node<'_>) -> Option<AccelerometerEntry> {
         nominal: fields.section("nominal", nominal).unwrap_or_default(),
         relative: fields.flag("relative"),
         recorded: fields.flag_or("recorded", true),
+    })
+}
+
+pub(super) fn doppler(node: &Node<'_>) -> Option<DopplerEntry> {
+    let fields = Fields(node);
+    let id = node.required("id", "the id of the output").and_then(|f| f.text());
+    let design = DopplerDesign {
+        axis: fields.direction("axis", [1.0, 0.0, 0.0]),
+        misalignment: fields.vector("misalignment_deg", [0.0; 3]).map(f64::to_radians),
+        arm: fields.vector("arm_m", [0.0; 3]),
+        delay_s: fields.not_negative("delay_s", 0.0),
+        scale_factor: fields.number("scale_factor_ppm", 0.0) * 1e-6,
+        readout: readout(node, 1.0),
+    };
+    Some(DopplerEntry {
+        id: id?,
+        group: fields.text("group"),
+        design,
+        nominal: fields.section("nominal", nominal).unwrap_or_default(),
     })
 }
 

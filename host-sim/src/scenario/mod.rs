@@ -15,6 +15,7 @@ use schuler_recording::case::Nominal;
 use schuler_recording::document::{Node, Parsed, parse};
 use schuler_recording::unit::Unit;
 
+use crate::physics::doppler::DopplerDesign;
 use crate::physics::environment::EnvironmentDesign;
 use crate::physics::fault::{Fault, TimedFault};
 use crate::physics::gyro::GyroDesign;
@@ -54,6 +55,8 @@ pub struct Scenario {
     pub gyros: Vec<GyroEntry>,
     /// Accelerometers.
     pub accelerometers: Vec<AccelerometerEntry>,
+    /// Doppler beams or components.
+    pub dopplers: Vec<DopplerEntry>,
     /// Schuler loop.
     pub schuler_loop: Option<LoopEntry>,
     /// Faults.
@@ -152,6 +155,19 @@ pub struct AccelerometerEntry {
     pub relative: bool,
     /// Whether it has a column in the recording at all.
     pub recorded: bool,
+}
+
+/// A Doppler beam or component and what the case says of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DopplerEntry {
+    /// Its id.
+    pub id: String,
+    /// Instrument it is part of.
+    pub group: Option<String>,
+    /// Its parts.
+    pub design: DopplerDesign,
+    /// What the case believes, in m/s.
+    pub nominal: Nominal,
 }
 
 /// Where a sensor error of the Schuler loop comes from.
@@ -265,6 +281,7 @@ fn read(node: &Node<'_>) -> Option<Scenario> {
     let gyros = node.tables("gyro", instruments::gyro);
     let block = node.optional("block").map(|field| field.table(instruments::block));
     let accelerometers = node.tables("accelerometer", instruments::accelerometer);
+    let dopplers = node.tables("doppler", instruments::doppler);
     let schuler_loop = fields.section("loop", setting::schuler_loop);
     let gaps = node.tables("gap", setting::interval);
     let faults = node.tables("fault", raw_fault);
@@ -276,21 +293,24 @@ fn read(node: &Node<'_>) -> Option<Scenario> {
     if let Some(block) = block {
         gyros.extend(block?);
     }
-    let (accelerometers, gaps, faults) = (accelerometers?, gaps?, faults?);
+    let (accelerometers, dopplers, gaps, faults) = (accelerometers?, dopplers?, gaps?, faults?);
 
     let told = told.unwrap_or(match (&schuler_loop, &motion) {
         (Some(_), _) => Told::VelocityError,
         (None, Motion::Static(_)) => Told::Static,
         (None, _) => Told::Recorded,
     });
-    let outputs = outputs(&gyros, &accelerometers, schuler_loop.as_ref());
+    let outputs = outputs(&gyros, &accelerometers, &dopplers, schuler_loop.as_ref());
     for (index, (id, _)) in outputs.iter().enumerate() {
         if outputs.iter().take(index).any(|(other, _)| other == id) {
             return node.problem_at("gyro", &format!("found two outputs \"{id}\"; expected unique ids"));
         }
     }
     if outputs.is_empty() {
-        return node.problem_at("gyro", "missing; expected [[gyro]], [[accelerometer]], [block] or [loop]");
+        return node.problem_at(
+            "gyro",
+            "missing; expected [[gyro]], [[accelerometer]], [[doppler]], [block] or [loop]",
+        );
     }
     if told == Told::VelocityError && schuler_loop.is_none() {
         return node.problem_at("loop", "missing; expected [loop], as case.motion is \"velocity_error\"");
@@ -331,6 +351,7 @@ fn read(node: &Node<'_>) -> Option<Scenario> {
         recorded,
         gyros,
         accelerometers,
+        dopplers,
         schuler_loop,
         faults: resolved,
         gaps,
@@ -341,6 +362,7 @@ fn read(node: &Node<'_>) -> Option<Scenario> {
 fn outputs(
     gyros: &[GyroEntry],
     accelerometers: &[AccelerometerEntry],
+    dopplers: &[DopplerEntry],
     schuler_loop: Option<&LoopEntry>,
 ) -> Vec<(String, f64)> {
     let mut all = Vec::new();
@@ -350,6 +372,7 @@ fn outputs(
         all.extend(gyro.ids.1.clone().map(|id| (id, factor)));
     }
     all.extend(accelerometers.iter().map(|a| (a.id.clone(), a.unit.in_si())));
+    all.extend(dopplers.iter().map(|d| (d.id.clone(), 1.0)));
     all.extend(schuler_loop.map(|entry| (entry.id.clone(), 1.0)));
     all
 }
