@@ -195,7 +195,7 @@ impl<const L: usize, const M: usize> FilterBank<L, M> {
         self.cursor
     }
 
-    /// Does one of [`PARTS`] parts of the work on the current sample if it is there; true when that completed it.
+    /// Does one of nine parts of the work on the current sample if it is there; true when that completed it.
     pub fn advance(&mut self, window: &MeasurementWindow, variance_of_one: f32) -> bool {
         if self.cursor >= window.completed() {
             return false;
