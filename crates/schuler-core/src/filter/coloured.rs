@@ -256,12 +256,15 @@ impl<T: RealField + Copy> Kernel<T> for ColouredGaussian<T> {
         positive && sum == T::zero()
     }
 
-    fn spread_out(&self, velocity: T, velocity_sigma: T, factor: T) -> Self {
+    fn spread_out(&self, velocity: T, velocity_sigma: T, factor: T, most: [T; 4]) -> Self {
+        let most = [most[0], most[1], most[2], most[2], most[3], most[3]];
         let mut spread = Self { mean: self.mean, covariance: [[T::zero(); STATES]; STATES] };
-        spread.mean[0] = velocity;
-        for (i, row) in spread.covariance.iter_mut().enumerate() {
-            row[i] = self.covariance[i][i] * factor * factor;
+        for i in 1..STATES {
+            let sigma = (self.covariance[i][i].sqrt() * factor).min(most[i]);
+            spread.covariance[i][i] = sigma * sigma;
+            spread.mean[i] = self.mean[i].min(most[i]).max(-most[i]);
         }
+        spread.mean[0] = velocity;
         spread.covariance[0][0] = velocity_sigma * velocity_sigma;
         spread
     }

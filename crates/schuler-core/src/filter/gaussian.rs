@@ -103,13 +103,16 @@ impl<T: RealField + Copy> Kernel<T> for Gaussian<T> {
         positive && sum == T::zero()
     }
 
-    fn spread_out(&self, velocity: T, velocity_sigma: T, factor: T) -> Self {
-        let wider = self.variances().map(|p| p.sqrt() * factor);
-        let [_, vertical, acceleration, drift] = self.mean;
-        Self::independent(
-            [velocity, vertical, acceleration, drift],
-            [velocity_sigma, wider[1], wider[2], wider[3]],
-        )
+    fn spread_out(&self, velocity: T, velocity_sigma: T, factor: T, most: [T; 4]) -> Self {
+        let variances = self.variances();
+        let mut spread = [velocity_sigma; 4];
+        let mut mean = self.mean;
+        for i in 1..4 {
+            spread[i] = (variances[i].sqrt() * factor).min(most[i]);
+            mean[i] = mean[i].min(most[i]).max(-most[i]);
+        }
+        mean[0] = velocity;
+        Self::independent(mean, spread)
     }
 
     fn with_mean_of(&self, other: &Self) -> Self {

@@ -60,9 +60,10 @@ pub trait Kernel<T: RealField + Copy>: Copy + Debug {
     fn is_sound(&self) -> bool;
 
     /// The same mean but for the velocity, without correlations and with the standard deviations of the other
-    /// states multiplied.
+    /// states multiplied. Neither their means nor their standard deviations go beyond `most` ([ΔV, δ, a, ω], that
+    /// of ΔV is not used): far from there the model says nothing, and single precision fails.
     #[must_use]
-    fn spread_out(&self, velocity: T, velocity_sigma: T, factor: T) -> Self;
+    fn spread_out(&self, velocity: T, velocity_sigma: T, factor: T, most: [T; 4]) -> Self;
 
     /// This covariance about another's mean.
     #[must_use]

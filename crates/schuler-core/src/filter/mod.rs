@@ -149,6 +149,9 @@ pub const GATED_IN_A_ROW: u32 = 10;
 /// Standard deviations are multiplied by this when the filter starts from the measurement.
 const REACQUISITION: f64 = 10.0;
 
+/// The farthest that a state may be from zero when the filter starts again, in standard deviations of its prior.
+const FARTHEST: f64 = 100.0;
+
 /// The error filter: over four states, or over six where a sensor's noise is exponential-cosine.
 #[derive(Clone, Copy, Debug)]
 pub struct ErrorFilter<T: RealField + Copy, K: Kernel<T> = Gaussian<T>> {
@@ -207,8 +210,12 @@ impl<T: RealField + Copy, K: Kernel<T>> ErrorFilter<T, K> {
         }
         let reset = !self.state.is_sound();
         if reset {
-            let finite = self.state.mean().iter().all(ComplexField::is_finite);
-            self.state = if finite { self.prior.with_mean_of(&self.state) } else { self.prior };
+            let mean = self.state.mean();
+            let kept = self.prior.with_mean_of(&self.state);
+            let sigma = self.prior.variances()[0].sqrt();
+            let finite = mean.iter().all(ComplexField::is_finite);
+            self.state =
+                if finite { kept.spread_out(mean[0], sigma, T::one(), self.most()) } else { self.prior };
         }
         FilterStep { innovation, gated, reacquired, reset }
     }
@@ -221,7 +228,12 @@ impl<T: RealField + Copy, K: Kernel<T>> ErrorFilter<T, K> {
     /// Starts from a velocity error (m/s), with everything else as it is but ten times as uncertain.
     pub fn reacquire(&mut self, velocity_error: T) {
         let sigma = self.measurement_variance.sqrt();
-        self.state = self.state.spread_out(velocity_error, sigma, real(REACQUISITION));
+        self.state = self.state.spread_out(velocity_error, sigma, real(REACQUISITION), self.most());
+    }
+
+    /// How far the states may be from zero, and how uncertain, when the filter starts again.
+    fn most(&self) -> [T; 4] {
+        self.prior.variances().map(|p| p.sqrt() * real(FARTHEST))
     }
 
     /// Takes a new model and the prior that goes with it; the state stays.
