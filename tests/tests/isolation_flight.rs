@@ -551,6 +551,8 @@ proptest! {
                 prop_assert!(number.is_finite());
             }
             prop_assert!(block.rate_covariance().iter().all(|x| x.is_finite()));
+            prop_assert_eq!(output.excluded, block.excluded());
+            prop_assert_eq!(output.gyros_used & output.excluded, 0);
             prop_assert_eq!(output.gyros_used == 0, output.verdict == Verdict::BlockUntrusted);
             if let Verdict::Fault(gyro) = output.verdict {
                 prop_assert_eq!(output.gyros_used, ALL & !(1 << gyro));

@@ -131,17 +131,18 @@ impl Phase {
     }
 }
 
-/// Exponent of the spectrum of a series from its lag-1 autocorrelation r₁: while ρ = r₁/(1 + r₁) ≥ ¼ it is
-/// differenced, at most twice; then α = −2(ρ + d), rounded. `None` for fewer than 30 values.
+/// Exponent of the spectrum of a series from its lag-1 autocorrelation r₁, a line taken out: while ρ = r₁/(1 + r₁) ≥ ¼
+/// it is differenced, at most twice; then α = −2(ρ + d), rounded. `None` for fewer than 30 values.
 fn noise_exponent(means: &[f64]) -> Option<i32> {
-    let mut series: Vec<f64> = means.to_vec();
+    if present(means.iter().copied()).count() < LEAST_MEANS {
+        return None;
+    }
+    let mut series = without_line(means);
     for differenced in 0..=2 {
-        let detrended = without_line(&series);
-        if detrended.iter().filter(|value| value.is_finite()).count() < LEAST_MEANS - 2 {
-            return None;
-        }
-        let products: f64 = present(detrended.iter().zip(detrended.iter().skip(1)).map(|(a, b)| a * b)).sum();
-        let squares: f64 = present(detrended.iter().map(|a| a * a)).sum();
+        let mean = mean(&series);
+        let centred: Vec<f64> = series.iter().map(|value| value - mean).collect();
+        let products: f64 = present(centred.iter().zip(centred.iter().skip(1)).map(|(a, b)| a * b)).sum();
+        let squares: f64 = present(centred.iter().map(|a| a * a)).sum();
         let ratio = products / squares;
         let rho = ratio / (1.0 + ratio);
         if rho < 0.25 || differenced == 2 {

@@ -6,7 +6,7 @@
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;
 
-use super::series::mean;
+use super::series::about_mean;
 
 /// R_0 … R_J in the square of the unit of the series.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,13 +34,13 @@ pub fn autocorrelation(values: &[f64], last_lag: usize, centre: Centre) -> Autoc
     if lags == 0 {
         return Autocorrelation { values: Vec::new(), pairs: Vec::new() };
     }
-    let offset = match centre {
-        Centre::Zero => 0.0,
-        Centre::Mean => mean(values),
+    let centred = match centre {
+        Centre::Zero => values.to_vec(),
+        Centre::Mean => about_mean(values).1,
     };
     let complete = values.iter().all(|value| value.is_finite());
-    let centred = |value: &f64| if value.is_finite() { value - offset } else { 0.0 };
-    let sums = lagged_sums(values.iter().map(centred), values.len(), lags);
+    let or_zero = |value: &f64| if value.is_finite() { *value } else { 0.0 };
+    let sums = lagged_sums(centred.iter().map(or_zero), values.len(), lags);
     let pairs: Vec<usize> = if complete {
         (0..lags).map(|lag| values.len() - lag).collect()
     } else {
@@ -77,6 +77,7 @@ fn lagged_sums(values: impl Iterator<Item = f64>, count: usize, lags: usize) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::identify::series::mean;
 
     fn directly(values: &[f64], lag: usize, offset: f64) -> (f64, usize) {
         let products: Vec<f64> = values

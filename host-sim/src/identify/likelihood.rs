@@ -10,7 +10,7 @@ use argmin::core::{CostFunction, Executor};
 use argmin::solver::neldermead::NelderMead;
 use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
-use super::series::mean;
+use super::series::about_mean;
 
 /// First-order Markov parts that a model may have; two make a fair piece of flicker noise.
 pub const MOST_MARKOV: usize = 2;
@@ -34,7 +34,7 @@ const IMPOSSIBLE: f64 = 1e30;
 /// Side of the first simplex, in logarithms.
 const SIMPLEX_SIDE: f64 = 0.5;
 /// Spread of the simplex's log-likelihoods at which the search ends.
-const SIMPLEX_SPREAD: f64 = 1e-5;
+const SIMPLEX_SPREAD: f64 = 1e-4;
 /// Iterations of the search for each parameter.
 const MOST_ITERATIONS: u64 = 150;
 /// Step of the second differences of the log-likelihood, in logarithms.
@@ -306,12 +306,6 @@ pub fn standardised_innovations(values: &[f64], fit: &Fit) -> Vec<f64> {
         .collect()
 }
 
-/// Mean, and the values less the mean: a small spread on a large level would drown in the sums of squares.
-fn about_mean(values: &[f64]) -> (f64, Vec<f64>) {
-    let mean = mean(values);
-    (mean, values.iter().map(|value| value - mean).collect())
-}
-
 /// A likelihood to maximise over the logarithms of a model's shape.
 struct Problem<'v> {
     values: &'v [f64],
@@ -343,6 +337,10 @@ impl<'v> Problem<'v> {
 
     /// The best logarithms found from `start`, with their cost.
     fn search(&self, start: &[f64]) -> Option<(Vec<f64>, f64)> {
+        // A part of no size has no logarithm to start from.
+        if !start.iter().all(|log| log.is_finite()) {
+            return None;
+        }
         let mut simplex = vec![start.to_vec(); start.len() + 1];
         for (axis, corner) in simplex.iter_mut().skip(1).enumerate() {
             corner[axis] += SIMPLEX_SIDE;

@@ -4,7 +4,7 @@
 //! | --- | --- |
 //! | [`series`] | the error series: readings less the ideal sensor's output |
 //! | [`trend`] | mean and straight line |
-//! | [`autocorrelation`] | unbiased autocorrelation over gaps |
+//! | [`mod@autocorrelation`] | unbiased autocorrelation over gaps |
 //! | [`allan`] | overlapping Allan deviation with χ² intervals |
 //! | [`power_law`] | quantisation, random walk, bias instability, rate random walk, ramp |
 //! | [`published`] | the published read-out of the autocorrelation, on block means |
@@ -154,4 +154,45 @@ fn allan_report(
             structure: of_structure(point),
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fmt::Write;
+    use std::fs;
+
+    use tempfile::TempDir;
+
+    use super::*;
+
+    fn recording(rows: impl Iterator<Item = (f64, String)>) -> Recording {
+        let folder = TempDir::new().unwrap();
+        let mut table = "t,x\n".to_owned();
+        for (time, value) in rows {
+            writeln!(table, "{time},{value}").unwrap();
+        }
+        fs::write(folder.path().join("r.csv"), table).unwrap();
+        let case = "format = \"schuler-case/1\"\n[recording]\npath = \"r.csv\"\ntime = \"t\"\n\
+                    [[sensor]]\nid = \"x\"\nkind = \"fog\"\ncolumn = \"x\"\nunit = \"deg/h\"\naxis = [1, 0, 0]\n";
+        fs::write(folder.path().join("c.toml"), case).unwrap();
+        Recording::read(&folder.path().join("c.toml")).unwrap()
+    }
+
+    #[test]
+    fn hopeless_recordings_are_answered_all_the_same() {
+        let constant = recording((0..100).map(|row| (f64::from(row), "1.5".to_owned())));
+        let missing = recording((0..100).map(|row| (f64::from(row), "nan".to_owned())));
+        let short = recording((0..2).map(|row| (f64::from(row), row.to_string())));
+        let one_value =
+            recording((0..50).map(|row| (f64::from(row), if row == 7 { "1" } else { "" }.to_owned())));
+        let two_levels = recording((0..500).map(|row| (f64::from(row), (row % 2).to_string())));
+        let step = recording((0..500).map(|row| (f64::from(row), (row / 250).to_string())));
+        let mostly_gaps = recording((0..60).map(|row| (f64::from(row * row), (row % 7).to_string())));
+        for recording in [constant, missing, short, one_value, two_levels, step, mostly_gaps] {
+            let found = identify(&recording, Options::default(), |_| ());
+            assert_eq!(found.sensors.len(), 1);
+            assert!(serde_json::to_string(&found).is_ok());
+            assert!(!found.to_string().is_empty());
+        }
+    }
 }

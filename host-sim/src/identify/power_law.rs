@@ -4,7 +4,7 @@
 //! σ²(τ) = 3Q²/τ² + N²/τ + (2 ln 2/π) B² + K² τ/3 + R² τ²/2. Source: IEEE Std 952, annex C.
 //!
 //! The octaves of the overlapping Allan variance are fitted by least squares on their relative errors (weight: half
-//! the equivalent degrees of freedom), for every subset of the terms with squares that are not negative; a term stays
+//! the equivalent degrees of freedom, within limits), for every subset of the terms with squares that are not negative; a term stays
 //! only if it lowers χ² enough. Octaves are not independent, so neither the standard deviations nor the fit's quality
 //! are taken from χ²: series with the fitted power laws are drawn and fitted again, always with the same seed.
 use std::f64::consts::{LN_2, PI};
@@ -23,6 +23,9 @@ use super::allan::{AllanPoint, allan_variances};
 pub const TERMS: usize = 5;
 /// Every further term must lower χ² by this: then about one white series in twenty shows a false term.
 const LEAST_GAIN: f64 = 13.0;
+/// Degrees of freedom beyond which an octave weighs no more. In long series the shortest averaging times have a hundred
+/// thousand, and would bend all terms to follow them wherever the noise is not exactly of power laws.
+const MOST_DEGREES: f64 = 1000.0;
 /// Passes of the fit, whose weights depend on the fitted variance.
 const PASSES: usize = 4;
 /// Fewer octaves than this are not fitted.
@@ -70,7 +73,7 @@ pub fn fit_power_laws(points: &[AllanPoint], count: usize, step_s: f64) -> Optio
             factor: point.factor,
             basis: basis(point.tau_s),
             variance: point.deviation * point.deviation,
-            weight: point.degrees_of_freedom / 2.0,
+            weight: point.degrees_of_freedom.min(MOST_DEGREES) / 2.0,
         })
         .collect();
     if octaves.len() < LEAST_OCTAVES {
@@ -80,12 +83,15 @@ pub fn fit_power_laws(points: &[AllanPoint], count: usize, step_s: f64) -> Optio
     let drawn = redraw(&octaves, support, &squares, count, step_s);
     let as_bad = drawn.iter().filter(|(_, drawn_misfit)| *drawn_misfit >= misfit).count();
     let p_value = (as_bad + 1) as f64 / (drawn.len() + 1) as f64;
+    let usual_misfit = drawn.iter().map(|(_, misfit)| misfit).sum::<f64>() / drawn.len() as f64;
+    // Where the fit is worse than power laws alone make it, its coefficients are less certain by as much (Birge).
+    let birge = (misfit / usual_misfit).max(1.0).sqrt();
     let mut sigmas = [0.0; TERMS];
     for (term, (sigma, square)) in sigmas.iter_mut().zip(&squares).enumerate() {
         if *square > 0.0 {
             let spread: f64 = drawn.iter().map(|(redrawn, _)| (redrawn[term] - square).powi(2)).sum();
             // d(c) = d(c²)/(2c); about the fitted value, so that the fit's own bias counts.
-            *sigma = (spread / drawn.len() as f64).sqrt() / (2.0 * square.sqrt());
+            *sigma = birge * (spread / drawn.len() as f64).sqrt() / (2.0 * square.sqrt());
         }
     }
     let mut limits = [0.0; TERMS];
@@ -211,18 +217,22 @@ fn redraw(
 /// A series of `count` steps with the given power laws.
 pub(super) fn simulate(squares: &Squares, count: usize, step_s: f64, random: &mut Pcg64) -> Vec<f64> {
     let [quantisation, white, flicker, walk, ramp] = squares.map(f64::sqrt);
-    let mut normal = || -> f64 { StandardNormal.sample(random) };
-    let (mut phase, mut walked) = (normal(), 0.0);
-    let mut series: Vec<f64> = (0..count)
-        .map(|row| {
-            let previous_phase = std::mem::replace(&mut phase, normal());
-            walked += walk * step_s.sqrt() * normal();
-            quantisation * (phase - previous_phase) / step_s
-                + white / step_s.sqrt() * normal()
-                + walked
-                + ramp * step_s * row as f64
-        })
-        .collect();
+    let mut normals = |used: f64| -> Vec<f64> {
+        let count = if used > 0.0 { count + 1 } else { 0 };
+        StandardNormal.sample_iter(&mut *random).take(count).collect()
+    };
+    let mut series: Vec<f64> = (0..count).map(|row| ramp * step_s * row as f64).collect();
+    for (value, phases) in series.iter_mut().zip(normals(quantisation).windows(2)) {
+        *value += quantisation * (phases[1] - phases[0]) / step_s;
+    }
+    for (value, normal) in series.iter_mut().zip(normals(white)) {
+        *value += white / step_s.sqrt() * normal;
+    }
+    let mut walked = 0.0;
+    for (value, normal) in series.iter_mut().zip(normals(walk)) {
+        walked += walk * step_s.sqrt() * normal;
+        *value += walked;
+    }
     if flicker > 0.0 {
         for (value, noise) in series.iter_mut().zip(simulate_flicker(count, random)) {
             *value += flicker * noise;

@@ -1,4 +1,5 @@
-//! The published read-out of a noise structure: an autocorrelation, fitted by [`schuler_core::identification`].
+//! The published read-out of a noise structure: an autocorrelation [FIL-11], fitted by
+//! [`schuler_core::identification`] [FIL-13] [FIL-15] [FIL-19] [FIL-21].
 //!
 //! The formulas want a series whose correlated part stands out. White noise does not: it is a spike at lag 0 and, where
 //! it dominates, noise on every lag. The series is therefore averaged over blocks, doubled in length until neighbours
@@ -64,8 +65,22 @@ pub fn published_fit(values: &[f64], step_s: f64, removed: Removed) -> Option<Pu
         *value += bias;
     }
     let structure = choose_structure(&correlation, spacing_s, duration_s);
-    let white_variance = variance - coloured;
+    let within = coloured * within_block(&structure, factor, spacing_s);
+    let white_variance = (variance - within).max(0.0);
     Some(PublishedFit { factor, spacing_s, duration_s, correlation, white_variance, structure })
+}
+
+/// Variance of the block means of a correlated part over its correlation extended to lag 0: averaging takes more at lag 0,
+/// (x − 1 + e⁻ˣ), than at the others, (cosh x − 1), with x = α times the length of a block.
+fn within_block(structure: &Structure<f64>, factor: usize, spacing_s: f64) -> f64 {
+    let alpha = match structure {
+        Structure::None => 0.0,
+        Structure::Exponential(fit) => fit.alpha,
+        Structure::ExponentialCosine(fit, ..) => fit.alpha,
+    };
+    let x = alpha * spacing_s;
+    // Below, the two differ by less than the digits that are left of them.
+    if factor > 1 && x > 1e-4 { (x - 1.0 + (-x).exp()) / (x.cosh() - 1.0) } else { 1.0 }
 }
 
 /// The integral of the correlation from lag 0, s.
@@ -135,4 +150,86 @@ fn at_zero(times: &[f64], values: &[f64], degree: usize) -> Option<f64> {
         normal[(2, 2)] = 1.0;
     }
     Some(normal.cholesky()?.solve(&target)[0])
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
+    use rand_pcg::Pcg64;
+    use schuler_core::identification::Exponential;
+
+    use super::*;
+
+    /// A first-order process of σ = 1 in steps of 1 s, under white noise.
+    fn simulate(tau_s: f64, white: f64, count: usize, seed: u64) -> Vec<f64> {
+        let mut random = Pcg64::seed_from_u64(seed);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+        let decay = (-1.0 / tau_s).exp();
+        let mut state = normal();
+        (0..count)
+            .map(|_| {
+                state = decay * state + (1.0 - decay * decay).sqrt() * normal();
+                state + white * normal()
+            })
+            .collect()
+    }
+
+    /// The read-outs of many series: each has found an exponential.
+    fn read_outs(
+        tau_s: f64,
+        white: f64,
+        count: usize,
+        removed: Removed,
+    ) -> Vec<(PublishedFit, Exponential<f64>)> {
+        (0..60)
+            .map(|seed| {
+                let found = published_fit(&simulate(tau_s, white, count, seed), 1.0, removed).unwrap();
+                let exponential = match found.structure {
+                    Structure::Exponential(fit) | Structure::ExponentialCosine(_, fit, _) => fit,
+                    Structure::None => panic!("nothing found in seed {seed}"),
+                };
+                (found, exponential)
+            })
+            .collect()
+    }
+
+    fn mean_and_spread(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
+        let count = values.clone().count() as f64;
+        let mean = values.clone().sum::<f64>() / count;
+        (mean, (values.map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt())
+    }
+
+    #[test]
+    fn fil_15_the_read_out_is_unbiased_and_as_uncertain_as_its_source_says() {
+        // T/τ = 100, nothing white: the spread of ln τ is 0.16, and the removed mean or line is put back.
+        for removed in [Removed::Mean, Removed::Line] {
+            let found = read_outs(60.0, 0.0, 6000, removed);
+            let (tau, spread) = mean_and_spread(found.iter().map(|(_, fit)| (1.0 / fit.alpha / 60.0).ln()));
+            let (variance, _) = mean_and_spread(found.iter().map(|(_, fit)| fit.variance));
+            println!("{removed:?}: mean of ln tau {tau}, spread {spread}, variance {variance}");
+            assert!(tau.abs() < 0.06 && (0.12..0.22).contains(&spread), "{tau} {spread}");
+            assert!((variance - 1.0).abs() < 0.06, "{variance}");
+        }
+    }
+
+    #[test]
+    fn fil_15_white_noise_is_told_from_the_correlated_part() {
+        // Four fifths of the variance are white, and neighbours hardly correlated.
+        let found = read_outs(60.0, 2.0, 20_000, Removed::Mean);
+        let (tau, _) = mean_and_spread(found.iter().map(|(_, fit)| (1.0 / fit.alpha / 60.0).ln()));
+        let (variance, _) = mean_and_spread(found.iter().map(|(_, fit)| fit.variance));
+        let per_step = |fit: &PublishedFit| fit.white_variance * fit.factor as f64;
+        let (white, _) = mean_and_spread(found.iter().map(|(found, _)| per_step(found)));
+        println!("mean of ln tau {tau}, variance {variance}, white variance per step {white}");
+        assert!(found.iter().all(|(found, _)| found.factor > 1));
+        assert!(tau.abs() < 0.15 && (variance - 1.0).abs() < 0.1 && (white - 4.0).abs() < 0.6);
+    }
+
+    #[test]
+    fn nothing_is_read_out_of_white_noise() {
+        let white = |seed| simulate(1e-9, 1.0, 5000, seed);
+        let found = (0..50).filter(|&seed| published_fit(&white(seed), 1.0, Removed::Mean).is_some()).count();
+        assert_eq!(found, 0);
+    }
 }

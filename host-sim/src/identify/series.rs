@@ -49,13 +49,18 @@ pub fn error_series(recording: &Recording, sensor: &SensorSeries) -> Series {
     Series { step_s: recording.step_s, values, subtracted }
 }
 
-/// Mean of the values that are there, NaN if none is. Deviations from the first are summed, so that a small spread
-/// about a large mean keeps its digits.
+/// Mean of the values that are there, NaN if none is.
 pub fn mean(values: &[f64]) -> f64 {
-    let mut present = values.iter().copied().filter(|value| value.is_finite());
-    let Some(first) = present.clone().next() else { return f64::NAN };
-    let count = present.clone().count();
-    first + present.by_ref().map(|value| value - first).sum::<f64>() / count as f64
+    about_mean(values).0
+}
+
+/// Mean of the values that are there (NaN if none is), and the values less their mean. Both by way of the first value, so
+/// that a small spread about a large mean keeps its digits.
+pub fn about_mean(values: &[f64]) -> (f64, Vec<f64>) {
+    let present = values.iter().copied().filter(|value| value.is_finite());
+    let Some(first) = present.clone().next() else { return (f64::NAN, values.to_vec()) };
+    let beyond_first = present.clone().map(|value| value - first).sum::<f64>() / present.count() as f64;
+    (first + beyond_first, values.iter().map(|value| value - first - beyond_first).collect())
 }
 
 /// Means of `factor` consecutive steps each, those with fewer than half of their values missing. A rest at the end
@@ -79,6 +84,8 @@ mod tests {
     fn means_keep_the_digits_of_a_small_spread() {
         let values = [1e6 + 1e-7, f64::NAN, 1e6 - 1e-7, 1e6];
         assert!((mean(&values) - 1e6).abs() < 1e-9);
+        let (_, centred) = about_mean(&values);
+        assert!((centred[0] + centred[2]).abs() < 1e-20);
         assert!(mean(&[f64::NAN]).is_nan());
     }
 

@@ -25,7 +25,7 @@ impl fmt::Display for SensorIdentification {
         let Some(model) = self.structure.models.first() else {
             return writeln!(f, "  too few values, or all the same");
         };
-        let mut line = |label: &str, text: &str| writeln!(f, "  {label:<26}{text}");
+        let mut line = |label: &str, text: &str| writeln!(f, "  {label:<28}{text}");
         line("mean", &format!("{} {unit}", self.written(&model.level, 1.0)))?;
         if let Some(slope) = &model.slope_per_s {
             line("trend", &format!("{} {unit}/h", self.written(slope, 3600.0)))?;
@@ -89,10 +89,28 @@ impl Quoted {
     }
 }
 
+/// Two digits of the standard deviation, and the value down to the same place.
 fn plus_minus(estimate: &Estimate) -> String {
-    let weak = if estimate.weak { " (weak)" } else { "" };
-    match estimate.standard_deviation {
-        Some(sigma) => format!("{:.4e} ± {sigma:.1e}{weak}", estimate.value),
-        None => format!("{:.4e}{weak}", estimate.value),
+    let Estimate { value, standard_deviation, weak } = *estimate;
+    let weak = if weak { " (weak)" } else { "" };
+    let Some(sigma) = standard_deviation.filter(|&sigma| sigma > 0.0 && value != 0.0) else {
+        return format!("{value:.4e}{weak}");
+    };
+    let place = |number: f64| number.abs().log10().floor();
+    let digits = (place(value) - place(sigma) + 1.0).clamp(1.0, 15.0) as usize;
+    format!("{value:.digits$e} ± {sigma:.1e}{weak}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_value_is_written_as_far_as_it_is_known() {
+        let known = |value, sigma| plus_minus(&Estimate { value, standard_deviation: sigma, weak: false });
+        assert_eq!(known(0.026_392_401_2, Some(1.5e-8)), "2.6392401e-2 ± 1.5e-8");
+        assert_eq!(known(-170.14, Some(48.2)), "-1.70e2 ± 4.8e1");
+        assert_eq!(known(1.0, Some(30.0)), "1.0e0 ± 3.0e1");
+        assert_eq!(known(0.5, None), "5.0000e-1");
     }
 }

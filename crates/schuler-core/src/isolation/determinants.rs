@@ -24,7 +24,7 @@ pub struct FiveDeterminants<T> {
 }
 
 impl<T: RealField + Copy> FiveDeterminants<T> {
-    /// Forms the ten minors of the axes. `[FDI-4.1]`
+    /// Forms the ten minors of the axes. `[FDI-3]`
     pub fn new(axes: &[Vector3<T>; GYROS]) -> Self {
         Self { minors: SMatrix::from_fn(|removed, expanded| signed_minor(axes, removed, expanded)) }
     }

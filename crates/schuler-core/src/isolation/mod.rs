@@ -220,6 +220,7 @@ impl FaultIsolation {
             verdict,
             flags,
             gyros_used: if trusted { ALL & !absent } else { 0 },
+            excluded: self.excluded,
             rate: keep(trusted, rate.into()),
             rate_sigma: keep(trusted, rate_sigma.into()),
             parity: keep(sample.complete(), parity.into()),

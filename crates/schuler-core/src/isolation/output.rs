@@ -64,6 +64,8 @@ pub struct IsolationOutput {
     pub flags: IsolationFlags,
     /// Gyros that the rate comes from, one bit a gyro; zero: there is no rate.
     pub gyros_used: u8,
+    /// Gyros declared faulty, one bit a gyro: they stay out until they are taken back.
+    pub excluded: u8,
     /// Body rate from the gyros in use, rad/s; zero when there is none.
     pub rate: [f64; 3],
     /// 1-σ of the rate from the noise of the gyros in use, rad/s; zero when there is none.
