@@ -25,7 +25,7 @@ use session::Session;
 
 /// Flight module, simulator and analysis for inertial sensors.
 #[derive(Debug, Parser)]
-#[command(name = "schuler", version, about, propagate_version = true, max_term_width = 110)]
+#[command(name = "schuler", version, propagate_version = true, max_term_width = 110)]
 struct Arguments {
     /// Print results as one JSON document.
     #[arg(long, global = true)]

@@ -2,10 +2,14 @@
 //!
 //! nalgebra offers the matrix exponential only with its `std` feature, which would reach the flight crates through
 //! the shared build; so it stands here.
-use nalgebra::SMatrix;
+use nalgebra::allocator::Allocator;
+use nalgebra::{ArrayStorage, Const, DefaultAllocator, DimDiff, DimSub, SMatrix, Schur, U1};
 
 /// Terms of the Taylor series: the remainder is below 1e-17 for a norm up to one half.
 const TERMS: u32 = 14;
+
+/// Iterations of the Schur decomposition, which otherwise might never end.
+const MOST_ITERATIONS: usize = 10_000;
 
 /// Matrix exponential, by scaling and squaring of the Taylor series.
 pub fn exponential<const N: usize>(matrix: &SMatrix<f64, N, N>) -> SMatrix<f64, N, N> {
@@ -42,6 +46,25 @@ pub fn discretise<const N: usize>(
         growth = growth * 2.0 + growth * growth;
     }
     (exponential(&(dynamics * step_s)), covariance)
+}
+
+/// Largest real part of the eigenvalues; NaN where they cannot be found.
+pub fn growth<const N: usize>(matrix: &SMatrix<f64, N, N>) -> f64
+where
+    Const<N>: DimSub<U1>,
+    DefaultAllocator: Allocator<DimDiff<Const<N>, U1>>
+        + Allocator<Const<N>, DimDiff<Const<N>, U1>>
+        + Allocator<DimDiff<Const<N>, U1>, DimDiff<Const<N>, U1>>
+        + Allocator<Const<N>, Const<N>, Buffer<f64> = ArrayStorage<f64, N, N>>
+        + Allocator<Const<N>>,
+{
+    if matrix.iter().any(|v| !v.is_finite()) {
+        return f64::NAN;
+    }
+    let schur = Schur::try_new(*matrix, f64::EPSILON, MOST_ITERATIONS);
+    schur.map_or(f64::NAN, |it| {
+        it.complex_eigenvalues().iter().map(|e| e.re).fold(f64::NEG_INFINITY, f64::max)
+    })
 }
 
 #[cfg(test)]

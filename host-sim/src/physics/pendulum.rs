@@ -12,6 +12,7 @@
 use nalgebra::{Complex, Matrix3, Matrix4, UnitQuaternion, Vector3, Vector4};
 
 use super::heat::Lag;
+use super::linear::growth;
 use super::readout::{Nonlinearity, REFERENCE_TEMPERATURE, Readout, ReadoutDesign, Surroundings};
 use super::rotor::Unstable;
 
@@ -219,14 +220,9 @@ impl Accelerometer {
     /// # Errors
     /// A servo that is not stable.
     pub fn new(design: AccelerometerDesign, seed: u64, name: &str) -> Result<Self, Unstable> {
-        let growth = design
-            .pendulum
-            .matrix()
-            .complex_eigenvalues()
-            .iter()
-            .map(|e| e.re)
-            .fold(f64::NEG_INFINITY, f64::max);
-        if growth >= 0.0 {
+        let growth = growth(&design.pendulum.matrix());
+        // Not a number is not stable either.
+        if growth.is_nan() || growth >= 0.0 {
             return Err(Unstable { growth });
         }
         let i = design.input_axis.normalize();

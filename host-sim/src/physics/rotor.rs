@@ -23,7 +23,7 @@
 //! angles rad, rates rad/s, torques N m, time s.
 use nalgebra::{Complex, ComplexField, SMatrix, SVector};
 
-use super::linear::exponential;
+use super::linear::{exponential, growth};
 
 /// Number of states of rotor and loop.
 pub const STATES: usize = 10;
@@ -334,7 +334,7 @@ pub struct ClosedLoop {
 
 /// Why a loop cannot be simulated.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("the rebalance loop is unstable: a mode grows at {growth:.3} 1/s")]
+#[error("the rebalance loop is unstable: its fastest mode grows at {growth:.3} 1/s")]
 pub struct Unstable {
     /// Largest real part of the loop's eigenvalues, 1/s.
     pub growth: f64,
@@ -346,11 +346,7 @@ impl ClosedLoop {
     /// # Errors
     /// A loop that is not stable.
     pub fn new(rotor: Rotor, rebalance: Rebalance) -> Result<Self, Unstable> {
-        let growth = system(&rotor, &rebalance, 0.0)
-            .complex_eigenvalues()
-            .iter()
-            .map(|e| e.re)
-            .fold(f64::NEG_INFINITY, f64::max);
+        let growth = growth(&system(&rotor, &rebalance, 0.0));
         if growth < 0.0 {
             Ok(Self { rotor, rebalance, state: State::zeros(), angle: 0.0 })
         } else {
@@ -758,6 +754,8 @@ mod tests {
         // Without lag the nutation is driven, not damped.
         let wide = Rebalance { pickoff: TAU * 5000.0, torquer: TAU * 5000.0, ..rebalance(&r) };
         assert!(ClosedLoop::new(r, wide).is_err());
+        let nonsense = Rebalance { bandwidth: f64::INFINITY, ..rebalance(&r) };
+        assert!(ClosedLoop::new(r, nonsense).is_err());
         assert!(ClosedLoop::new(r, rebalance(&r)).is_ok());
     }
 

@@ -3,7 +3,44 @@
 //! One TOML file names the motion, the surroundings, the instruments with their physical parts, what goes wrong, and
 //! what the case written beside the recording shall believe. Keys that are left out have the value of an ideal
 //! instrument. Physical parts are in SI units (`_m`, `_Nm`, `_rad` …); an instrument's outputs and noise are in its
-//! `unit`. Every mistake is reported with line, field and expectation.
+//! `unit`. Every mistake is reported with line, field and expectation. A *profile* is a table
+//! `{ time_s = [..], value = [..], amplitude, period_s }`: straight lines between points, and a sine on top.
+//!
+//! | table | keys |
+//! | --- | --- |
+//! | | `format`, `title`, `seed` |
+//! | `[time]` | `duration_s`, `step_s` (1), `parts` of a step for the response to motion (1) |
+//! | `[site]` | `latitude_deg`, `altitude_m` |
+//! | `[motion]` | `kind` = static, table, vehicle; `attitude_deg = { roll, pitch, heading }` |
+//! | `[[motion.step]]` of a table | `kind` = dwell, turn (`axis`, `angle_deg`), spin (`axis`, `rate_deg_s`, `ramp_s`), swing (`axis`, `amplitude_deg`, `frequency_hz`); `duration_s` |
+//! | `[motion]` of a vehicle | `speed`, `heading_deg`, `bank_share`, `level_platform`, `sway = { roll_deg, pitch_deg, period_s }` |
+//! | `[[motion.leg]]` | `duration_s`, `speed_change`, `heading_change_deg`, `height_change_m` |
+//! | `[thermal]` | profile `ambient_degC`, `initial_degC`, `electronics_position_m`, `bar = { length_m, section_m2, conductivity, capacity, film_left, film_right, side, cells }` |
+//! | `[[thermal.heater]]` | `position_m`, profile `power_W` |
+//! | | profile `supply_V`, `magnetic_field_ned_T` |
+//! | `[vibration]` | `direction`, `frequency_hz`, profile `rms` |
+//! | `[[thermometer]]` | `column`, `near`, `position_m`, `tau_s`, `white`, `quantisation` |
+//! | `[case]` | `motion` = static, recorded, navigation, unknown, velocity_error; `voltage`, `magnetic_field`, `vibration`, `specific_force` = true to record it; `pickoff` = id of the gyro whose pick-offs are |
+//! | `[[gyro]]` | `id`, `second_id`, `input_axis`, `spin_axis`, and what follows |
+//! | `[block]` | five gyros on a cone, `id` the beginning of their ids, and what follows |
+//! | gyro | `group`, `unit`, `recorded`, `relative`, `position_m`, `misalignment_arcsec`, `spin_hz`, `rotor_mass_kg`, `range`, `quantisation` or `pulse`, `full_rate` |
+//! | gyro `.rotor` | `polar_inertia`, `equatorial_inertia`, `gimbal_inertia`, `stiffness_anisotropy`, `stiffness_per_K`, `flexure_damping`, `gas_damping`, `lag_s` |
+//! | gyro `.tuning` | `detuning_ppm` |
+//! | gyro `.loop` | `bandwidth_hz`, `integral_hz`, `filter_hz`, `torquer_hz`, `phase_deg` |
+//! | gyro `.torque` | `axial_unbalance_m`, `axial_unbalance_m_per_K`, `flexure_twist_m`, `radial_compliance_m_per_N`, `axial_compliance_m_per_N`, `cross_compliance_m_per_N`, `radial_cross_compliance_m_per_N`, `axial_reaction_m`, `reaction_Nm`, `reaction_Nm_per_K`, `magnetic_moment_Am2` |
+//! | gyro `.pickoff` | `offset_rad`, `offset_rad_per_K`, `offset_rad_per_K_per_m`, `noise_rad_per_rtHz`, `runout_1n_rad`, `runout_2n_rad`, `vibration_2n_rad_s` |
+//! | gyro `.torquer` | `scale_factor_ppm`, `asymmetry_ppm`, `quadratic_per_rad_s`, `cubic_per_rad2_s2`, `gain_per_K`, `power_W_s2_per_rad2`, `magnet_K_per_W`, `magnet_lag_s` |
+//! | `.electronics` | `offset`, `offset_per_K`, `offset_per_V` |
+//! | `.noise` | `white` per √Hz, `markov`, `second_markov` = `{ sigma, tau_s }`, `exp_cos = { sigma, alpha, beta }`, `random_walk` per √s, `flicker = { instability, shortest_s, longest_s }` |
+//! | `.nominal` | as in the case |
+//! | `[[accelerometer]]` | `id`, `input_axis`, `pendulum_axis`, `arm_m`, `group`, `unit`, `recorded`, `relative`, `position_m`, `misalignment_arcsec`, `range`, `quantisation` or `pulse`, `full_rate` |
+//! | accelerometer `.pendulum` | `pendulosity`, `inertia`, `damping`, `hinge_stiffness`, `servo_stiffness`, `integrator_gain`, `integrator_rate`, `torquer_rate`, `hinge_Nm`, `hinge_Nm_per_K`, `hinge_Nm_per_K_per_m` |
+//! | accelerometer `.pickoff` | `offset_rad`, `offset_rad_per_K` |
+//! | accelerometer `.torquer` | `scale_factor_ppm`, `asymmetry_ppm`, `quadratic_s2_per_m`, `cubic_s4_per_m2`, `gain_per_K`, `power_W_s4_per_m2`, `magnet_K_per_W`, `magnet_lag_s` |
+//! | `[[doppler]]` | `id`, `group`, `axis`, `arm_m`, `delay_s`, `misalignment_deg`, `scale_factor_ppm`, `range`, `quantisation`, `.noise`, `.nominal` |
+//! | `[loop]` | `id`, `radius_m`, `gravity`, `velocity_error`, `tilt_rad`, `velocity_white`, `delay_s`, `channel` = north, east; `accelerometer`, `gyro` = id of an instrument, or `accelerometer_error`, `gyro_error` = a `.noise` in SI units; `nominal = { accelerometer, gyro, velocity_white }` |
+//! | `[[loop.outage]]`, `[[gap]]` | `start_s`, `duration_s` |
+//! | `[[fault]]` | `sensor`, `kind` = step, ramp, stuck, noise, dropout, gain; `size`, `onset_s`, `end_s` |
 mod fields;
 mod instruments;
 mod setting;
