@@ -122,7 +122,7 @@ pub struct Retuned {
     pub coloured: Option<(ColouredChannels, ColouredGaussian<f32>)>,
 }
 
-/// The likelihood identifier's whole state. About 40 kB: keep it where it is built.
+/// The likelihood identifier's whole state. About 45 kB: keep it where it is built.
 #[derive(Clone, Copy, Debug)]
 pub struct LikelihoodIdentifier {
     window: MeasurementWindow,

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use super::parity::GYROS;
 use super::thresholds::{FALSE_ALARM_INTERVAL, SLOW_REFERENCE};
 use crate::config::{ConfigError, Problem};
+use crate::filter::positive;
 
 /// Largest relative error of a gyro for which a hard fault still stands out of the noise that is inflated with
 /// the rate which the fault itself feigns.
@@ -110,9 +111,4 @@ impl IsolationConfig {
 
 fn finite(field: &'static str, value: f64) -> Result<(), ConfigError> {
     if value.is_finite() { Ok(()) } else { Err(ConfigError::new(field, Problem::NotFinite)) }
-}
-
-fn positive(field: &'static str, value: f64) -> Result<(), ConfigError> {
-    finite(field, value)?;
-    if value > 0.0 { Ok(()) } else { Err(ConfigError::new(field, Problem::NotPositive)) }
 }

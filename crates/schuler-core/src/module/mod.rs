@@ -150,7 +150,7 @@ impl Default for ModuleConfig {
 /// Longest gap that the filter coasts over, in steps. After a longer one the time that has passed is not trusted.
 const LONGEST_GAP: u64 = 600;
 
-/// The flight module's whole state: about 50 kB. Keep it in a static and configure it there.
+/// The flight module's whole state: about 65 kB. Keep it in a static and configure it there.
 #[derive(Clone, Copy, Debug)]
 pub struct FlightModule {
     stage: Stage,

@@ -34,10 +34,7 @@ pub use rate::{
 pub trait Scalar: RealField + Copy + FromPrimitive {}
 impl<F: RealField + Copy + FromPrimitive> Scalar for F {}
 
-/// A constant in the working precision.
-pub(crate) fn real<F: Scalar>(value: f64) -> F {
-    nalgebra::convert(value)
-}
+pub(crate) use crate::number::real;
 
 /// `later − earlier` in seconds; exact in `f32` below 4.6 h, and saturated at 24 days.
 pub(crate) fn seconds_between<F: Scalar>(earlier_ms: u64, later_ms: u64) -> F {
