@@ -14,7 +14,6 @@
 //! | [`output`] | files that are whole or not there |
 //! | [`compare_isolation`] | every way of isolating a gyro against the optimum |
 //! | [`calibration_table`] | a calibration experiment on a one-axis table at changing temperature |
-//! | [`compare_isolation`] | the isolation methods against the optimum |
 
 pub mod calibration_table;
 pub mod command;

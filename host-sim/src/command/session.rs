@@ -89,6 +89,12 @@ impl Progress<'_> {
         self.bar.set_position(steps as u64);
     }
 
+    /// Notes the steps done, where they come in bundles.
+    pub(super) fn stride(&self, steps: usize) -> Result<(), Interrupted> {
+        self.bar.set_position(steps as u64);
+        self.interrupt.check()
+    }
+
     /// Notes the steps done.
     pub(super) fn at(&self, step: usize) -> Result<(), Interrupted> {
         if step.is_multiple_of(STRIDE) {
