@@ -29,7 +29,7 @@ use crate::output::Interrupted;
 pub const BLOCK_SIZES: std::ops::RangeInclusive<usize> = 5..=12;
 /// Trials between looks at the clock and at the user's wishes.
 const STRIDE: u64 = 10_000;
-/// Singular values of the projector are zero or one.
+/// Eigenvalues of the projector are zero or one.
 const HALF: f64 = 0.5;
 
 /// What is compared, and on what.
@@ -227,7 +227,7 @@ impl Counts {
 /// The methods, ready for one geometry.
 struct Methods<const N: usize> {
     axes: SMatrix<f64, N, 3>,
-    /// Lines v_k of all gyros in parity space, one a column, from the singular vectors of the projector.
+    /// Lines v_k of all gyros in parity space, one a column, from the eigenvectors of the projector.
     lines: DMatrix<f64>,
     /// For five gyros: normalised, and as published.
     determinants: Option<[FiveDeterminants<f64>; 2]>,
@@ -257,11 +257,11 @@ impl<const N: usize> Methods<N> {
         let dynamic = DMatrix::from_iterator(N, 3, matrix.iter().copied());
         let range = dynamic.svd(true, false).u.unwrap_or_else(|| DMatrix::zeros(N, 3));
         let by_svd = DMatrix::identity(N, N) - &range * range.transpose();
-        let parity = by_svd.clone().svd(true, false);
-        let basis = parity.u.unwrap_or_else(|| DMatrix::zeros(N, N));
-        let kept: Vec<usize> = (0..N).filter(|k| parity.singular_values[*k] > HALF).collect();
+        // Eigenvectors, because nalgebra's singular vectors of a singular matrix with exact zeros need not be such.
+        let parity = by_svd.clone().symmetric_eigen();
+        let kept: Vec<usize> = (0..N).filter(|k| parity.eigenvalues[*k] > HALF).collect();
         Ok(Self {
-            lines: basis.select_columns(&kept).transpose(),
+            lines: parity.eigenvectors.select_columns(&kept).transpose(),
             determinants,
             projector: OrthogonalProjector::new(&geometry),
             by_svd: SMatrix::from_fn(|row, column| by_svd[(row, column)]),

@@ -123,6 +123,7 @@ fn fdi_3_methods_agree_for_any_number_of_gyros() {
                 ..IsolationComparison::default()
             };
             let rows = compare_isolation(&comparison).expect("makes sense");
+            print(&rows);
             let optimum = row(&rows, M::Likelihood, 4.0).probability;
             assert!(optimum > 0.6, "{gyros} gyros: {optimum}");
             for method in [M::Projector, M::ProjectorBySvd, M::SequentialFilter] {
