@@ -5,11 +5,13 @@
 //! | `simulate` | a scenario → recording, case and truth |
 //! | `fly` | a case → through the flight module |
 //! | `identify` | a case → noise of each sensor |
+//! | `calibrate` | a calibration run → coefficients, what was observable, compensation file |
 //! | `compare-isolation` | every way of isolating a gyro against the optimum |
 //! | `demo` | all of it at once, on a flight of its own |
 //!
 //! Results go to standard output, as text or with `--json` as one JSON document; progress and warnings go to standard
 //! error. Exit status: 0 done, 2 bad input (one line: file, line, field, what was expected), 130 stopped, 1 anything else.
+mod calibrate;
 mod compare_isolation;
 mod demo;
 mod fly;
@@ -47,6 +49,8 @@ enum Command {
     Fly(fly::Arguments),
     /// Find structure and parameters of each sensor's noise.
     Identify(identify::Arguments),
+    /// Find all thermal coefficients from one run at changing temperature, and what it cannot tell.
+    Calibrate(calibrate::Arguments),
     /// Compare every way of isolating a gyro with the optimum, by Monte Carlo.
     CompareIsolation(compare_isolation::Arguments),
     /// Simulate a flight, fly it, and show what the module found.
@@ -85,6 +89,7 @@ pub fn main() -> ExitCode {
         Command::Simulate(arguments) => simulate::run(arguments, &session),
         Command::Fly(arguments) => fly::run(arguments, &session),
         Command::Identify(arguments) => identify::run(arguments, &session),
+        Command::Calibrate(arguments) => calibrate::run(arguments, &session),
         Command::CompareIsolation(arguments) => compare_isolation::run(arguments, &session),
         Command::Demo(arguments) => demo::run(arguments, &session),
     };

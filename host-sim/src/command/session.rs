@@ -95,6 +95,12 @@ impl Progress<'_> {
         self.interrupt.check()
     }
 
+    /// Notes the steps done of as many as there turn out to be.
+    pub(super) fn of(&self, steps: usize, all: usize) -> Result<(), Interrupted> {
+        self.bar.set_length(all as u64);
+        self.stride(steps)
+    }
+
     /// Notes the steps done.
     pub(super) fn at(&self, step: usize) -> Result<(), Interrupted> {
         if step.is_multiple_of(STRIDE) {
