@@ -318,6 +318,7 @@ impl<const N: usize> Methods<N> {
         largest(SVector::<f64, N>::from_fn(statistic).as_slice())
     }
 
+    /// The gyro without which [A y] is conditioned worst. `[FDI-3.5]`
     fn largest_condition(&self, measurements: &SVector<f64, N>) -> usize {
         let columns = [0, 1, 2, 3].map(|k| match k {
             3 => measurements * self.condition_unit,

@@ -158,8 +158,7 @@ fn a_case_that_is_no_calibration_run_is_refused_with_the_field() {
         ),
         (
             format!(
-                "{head}{site}{}[calibration.table]\ncolumn = \"v\"\nangle_arcsec = 5.0\nwobble_arcsec = 5.0\nmounting_arcsec = 5.0\nbase_arcsec = 5.0\n{gyros}{aux}",
-                cycle
+                "{head}{site}{cycle}[calibration.table]\ncolumn = \"v\"\nangle_arcsec = 5.0\nwobble_arcsec = 5.0\nmounting_arcsec = 5.0\nbase_arcsec = 5.0\n{gyros}{aux}"
             ),
             "calibration.cycle[0].end_s: found 0 to 100 s; expected times within the recording",
         ),

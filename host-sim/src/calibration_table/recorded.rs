@@ -269,12 +269,15 @@ pub fn seconds(table: &CalibrationTable) -> usize {
     3 * (table.cycle_s + REMOUNTING_S)
 }
 
+/// An element by its name, and its true parts in SI units for one degC, degC/s and degC/m.
+pub type TrueElement = (String, [f64; 6]);
+
 /// The true coefficients beside a case, if there are any: element by its name, and its parts in SI units for one degC,
 /// degC/s and degC/m.
 ///
 /// # Errors
 /// A truth that cannot be read.
-pub fn truth_beside(case: &Path) -> Result<Option<Vec<(String, [f64; 6])>>, Error> {
+pub fn truth_beside(case: &Path) -> Result<Option<Vec<TrueElement>>, Error> {
     let path: PathBuf = case.parent().unwrap_or(Path::new("")).join(TRUTH);
     if !path.exists() {
         return Ok(None);

@@ -1,5 +1,5 @@
 //! `schuler calibrate CASE.toml`: all coefficients from one run at changing temperature, with what was observable.
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use schuler_core::thermal::CompensationBlock;
 use schuler_explain::calibration::{
@@ -13,7 +13,7 @@ use super::Failure;
 use super::fly::write_json;
 use super::session::Session;
 use super::text::put;
-use crate::calibration_table::recorded::truth_beside;
+use crate::calibration_table::recorded::{TrueElement, truth_beside};
 use crate::output::{self, Interrupted};
 use crate::plot::{Colour, Figure, Format, Layer, Panel};
 
@@ -37,7 +37,7 @@ pub(super) struct Arguments {
 
 /// What a calibration says.
 #[derive(Debug, Serialize)]
-struct Answer {
+pub(super) struct Answer {
     format: &'static str,
     case: PathBuf,
     title: String,
@@ -89,7 +89,20 @@ struct Agreement {
     beyond_three_sigma: f64,
 }
 
+impl Arguments {
+    /// A case, everything into a directory, figures as pixels.
+    pub(super) fn into_directory(case: &Path, out: &Path) -> Self {
+        Self { case: case.to_owned(), out: Some(out.to_owned()), plot: vec![Format::Png] }
+    }
+}
+
 pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failure> {
+    let (answer, found) = made(arguments, session)?;
+    session.answer(&answer, |answer| words(answer, &found))
+}
+
+/// Calibrates and writes what is asked for.
+pub(super) fn made(arguments: &Arguments, session: &Session) -> Result<(Answer, Calibration), Failure> {
     let file = CaseFile::read(&arguments.case)?;
     let lines = file.lines.clone();
     let at_fault = |mut problem: Problem| {
@@ -145,7 +158,7 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
         write_json(&path, &answer)?;
         answer.files.push(path);
     }
-    session.answer(&answer, |answer| words(answer, &found))
+    Ok((answer, found))
 }
 
 /// The block that the flight module corrects with, as a file.
@@ -158,7 +171,7 @@ fn compensation_file(block: &CompensationBlock, title: &str) -> Result<String, F
     ))
 }
 
-fn row(c: &Coefficient, truth: Option<&[(String, [f64; 6])]>) -> Row {
+fn row(c: &Coefficient, truth: Option<&[TrueElement]>) -> Row {
     let (unit, factor) = c.element.practical_unit();
     let feature = Feature::ALL.iter().position(|f| *f == c.feature).unwrap_or_default();
     let name = key(c.element);
@@ -301,23 +314,12 @@ fn words(answer: &Answer, found: &Calibration) -> String {
         .map(|row| row.feature.as_str())
         .take(answer.coefficients.len() / found.elements.len().max(1))
         .collect();
-    let heads: String = features.iter().map(|feature| format!("{:>26}", scaled(feature))).collect();
-    put(&mut text, format_args!("{:34}{heads}", "coefficient ± 1 sigma"));
+    let heads: Vec<String> = features.iter().map(|feature| format!("{:>26}", scaled(feature))).collect();
+    put(&mut text, format_args!("{:39}{}", "coefficient ± 1 sigma", heads.concat()));
     for rows in answer.coefficients.chunks(features.len().max(1)) {
-        let cells: String = rows
-            .iter()
-            .map(|row| {
-                let mark = match (row.plausible, row.determination) {
-                    (false, _) => '!',
-                    (true, Determination::Determined) => ' ',
-                    (true, Determination::Weak) => '~',
-                    (true, Determination::Undetermined) => '?',
-                };
-                format!("{:>13.4} ± {:<9.4}{mark}", row.value, row.sigma)
-            })
-            .collect();
+        let cells: Vec<String> = rows.iter().map(cell).collect();
         let name = rows.first().map_or(String::new(), |row| format!("{}, {}", row.element, row.unit));
-        put(&mut text, format_args!("{name:34}{cells}"));
+        put(&mut text, format_args!("{name:39}{}", cells.concat()));
     }
     put(
         &mut text,
@@ -327,11 +329,26 @@ fn words(answer: &Answer, found: &Calibration) -> String {
     );
     let all_sound = found.verdicts.iter().all(|verdict| matches!(verdict, Verdict::Sound));
     put(&mut text, format_args!("{}", if all_sound { "Verdict:" } else { "What to think of it:" }));
-    for verdict in &answer.verdicts {
-        put(&mut text, format_args!("  {verdict}"));
+    for verdict in &found.verdicts {
+        if !matches!(verdict, Verdict::ElementUndetermined { .. }) {
+            put(&mut text, format_args!("  {verdict}"));
+        }
     }
-    for weak in answer.undetermined.iter().filter(|e| e.determination == Determination::Weak) {
-        put(&mut text, format_args!("  weak: {}: {}", weak.element, weak.why));
+    for (determination, what) in
+        [(Determination::Undetermined, "not determined"), (Determination::Weak, "weakly determined")]
+    {
+        // Elements with one and the same reason are told together.
+        let of_kind = || answer.undetermined.iter().filter(|e| e.determination == determination);
+        let mut told: Vec<&str> = Vec::new();
+        for one in of_kind() {
+            if !told.contains(&one.why.as_str()) {
+                told.push(&one.why);
+                let together: Vec<&str> =
+                    of_kind().filter(|e| e.why == one.why).map(|e| e.element.as_str()).collect();
+                let why = one.why.trim_start_matches("its ");
+                put(&mut text, format_args!("  {what}: {}: the {why}", together.join(", ")));
+            }
+        }
     }
     if let Some(truth) = answer.truth {
         put(
@@ -347,6 +364,17 @@ fn words(answer: &Answer, found: &Calibration) -> String {
         put(&mut text, format_args!("  {}", path.display()));
     }
     text
+}
+
+/// A coefficient with its sigma, and a mark.
+fn cell(row: &Row) -> String {
+    let mark = match (row.plausible, row.determination) {
+        (false, _) => '!',
+        (true, Determination::Determined) => ' ',
+        (true, Determination::Weak) => '~',
+        (true, Determination::Undetermined) => '?',
+    };
+    format!("{:>13.4} ± {:<9.4}{mark}", row.value, row.sigma)
 }
 
 /// A feature with what one unit of it is.

@@ -7,6 +7,7 @@
 //! | `identify` | a case → noise of each sensor |
 //! | `calibrate` | a calibration run → coefficients, what was observable, compensation file |
 //! | `compare-isolation` | every way of isolating a gyro against the optimum |
+//! | `figures` | the figures of the documentation |
 //! | `demo` | all of it at once, on a flight of its own |
 //!
 //! Results go to standard output, as text or with `--json` as one JSON document; progress and warnings go to standard
@@ -14,6 +15,7 @@
 mod calibrate;
 mod compare_isolation;
 mod demo;
+mod figures;
 mod fly;
 mod identify;
 mod session;
@@ -53,6 +55,9 @@ enum Command {
     Calibrate(calibrate::Arguments),
     /// Compare every way of isolating a gyro with the optimum, by Monte Carlo.
     CompareIsolation(compare_isolation::Arguments),
+    /// Make the figures of the documentation anew.
+    #[command(hide = true)]
+    Figures(figures::Arguments),
     /// Simulate a flight, fly it, and show what the module found.
     Demo(demo::Arguments),
 }
@@ -91,6 +96,7 @@ pub fn main() -> ExitCode {
         Command::Identify(arguments) => identify::run(arguments, &session),
         Command::Calibrate(arguments) => calibrate::run(arguments, &session),
         Command::CompareIsolation(arguments) => compare_isolation::run(arguments, &session),
+        Command::Figures(arguments) => figures::run(arguments, &session),
         Command::Demo(arguments) => demo::run(arguments, &session),
     };
     match done {

@@ -40,7 +40,7 @@ impl<T: RealField + Copy> Kernel<T> for Gaussian<T> {
         [self.covariance[0], self.covariance[4], self.covariance[7], self.covariance[9]]
     }
 
-    /// x ← Φx, P ← ΦPΦᵀ + Q, with Φ's zeros left out.
+    /// x ← Φx, P ← ΦPΦᵀ + Q, with Φ's zeros left out. [FIL-6]
     #[inline]
     fn predict(&mut self, model: &DiscreteModel<T>) {
         let [v, d, a, w] = self.mean;
@@ -69,7 +69,7 @@ impl<T: RealField + Copy> Kernel<T> for Gaussian<T> {
     }
 
     /// With H = [1 0 0 0] the Joseph form is P − K P₁· + (K S − P·₁) Kᵀ; the bracket is the rounding error of
-    /// the gain, and carrying it is what keeps P symmetric and positive.
+    /// the gain, and carrying it is what keeps P symmetric and positive. [FIL-5] [FIL-6]
     #[inline]
     fn correct(&mut self, innovation: &Innovation<T>, used: bool) {
         let [vv, vd, va, vw, ..] = self.covariance;
