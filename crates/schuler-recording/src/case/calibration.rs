@@ -32,7 +32,7 @@
 //! ```
 //!
 //! The sensors are three gyros, one along each body axis, and without `[calibration.table]` three accelerometers; their
-//! `nominal.white` is their noise. A gradient comes from the temperatures of [[aux]] entries with a `position_m` each, at
+//! `nominal.white` is their noise. A gradient comes from the temperatures of `[[aux]]` entries with a `position_m` each, at
 //! least four that are not in one plane.
 use serde::{Deserialize, Serialize, Serializer};
 
