@@ -3,7 +3,7 @@ use std::fs::File;
 use std::path::Path;
 use std::sync::Arc;
 
-use parquet::basic::Compression;
+use parquet::basic::{BrotliLevel, Compression, GzipLevel, ZstdLevel};
 use parquet::data_type::{BoolType, ByteArray, ByteArrayType, DoubleType, FloatType, Int64Type};
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
@@ -11,6 +11,8 @@ use parquet::schema::parser::parse_message_type;
 use schuler_recording::{Recording, table};
 
 const ROWS: usize = 40_000;
+/// Time of the first row, ms.
+const START_MS: i64 = 1_700_000_000_000;
 const SCHEMA: &str = "message table {
     required int64 t (TIMESTAMP(MILLIS,true));
     optional double gyro;
@@ -27,7 +29,7 @@ fn write(path: &Path, compression: Compression) {
     for rows in [0..ROWS / 4, ROWS / 4..ROWS] {
         let mut group = writer.next_row_group().unwrap();
         let mut column = group.next_column().unwrap().unwrap();
-        let time: Vec<i64> = rows.clone().map(|row| 1_700_000_000_000 + 100 * row as i64).collect();
+        let time: Vec<i64> = rows.clone().map(time_ms).collect();
         column.typed::<Int64Type>().write_batch(&time, None, None).unwrap();
         column.close().unwrap();
         let present =
@@ -51,6 +53,10 @@ fn write(path: &Path, compression: Compression) {
         group.close().unwrap();
     }
     writer.close().unwrap();
+}
+
+fn time_ms(row: usize) -> i64 {
+    START_MS + 100 * i64::try_from(row).unwrap()
 }
 
 fn gyro(row: usize) -> f64 {
@@ -90,7 +96,7 @@ fn case(table: &str, column: &str) -> String {
 #[test]
 fn a_case_reads_the_same_from_csv_and_from_parquet() {
     let directory = tempfile::tempdir().unwrap();
-    let time: Vec<f64> = (0..ROWS).map(|row| (1_700_000_000_000 + 100 * row as i64) as f64 * 1e-3).collect();
+    let time: Vec<f64> = (0..ROWS).map(|row| time_ms(row) as f64 * 1e-3).collect();
     let unless = |every: usize, value: &dyn Fn(usize) -> f64| -> Vec<f64> {
         (0..ROWS).map(|row| if row % every == 0 { f64::NAN } else { value(row) }).collect()
     };
@@ -108,10 +114,10 @@ fn a_case_reads_the_same_from_csv_and_from_parquet() {
     for compression in [
         Compression::UNCOMPRESSED,
         Compression::SNAPPY,
-        Compression::GZIP(Default::default()),
-        Compression::ZSTD(Default::default()),
+        Compression::GZIP(GzipLevel::default()),
+        Compression::ZSTD(ZstdLevel::default()),
         Compression::LZ4_RAW,
-        Compression::BROTLI(Default::default()),
+        Compression::BROTLI(BrotliLevel::default()),
     ] {
         write(&directory.path().join("table.parquet"), compression);
         let path = directory.path().join("parquet.toml");
