@@ -22,6 +22,7 @@
 //! from the caller.
 use schuler_core::module::{FlightModule, StepInput};
 
+use crate::block::{self, BlockBytes};
 use crate::frame::{Decoder, Frame, FrameError, Wire};
 use crate::message::{
     Banner, Counters, HostMessage, Identity, ModuleMessage, Pace, Refusal, Tick, Transport,
@@ -225,13 +226,17 @@ impl Endpoint {
                     self.time_ms = 0;
                     self.clock = None;
                     self.counters.configurations = self.counters.configurations.saturating_add(1);
+                    self.counters.compensation = None;
                     ModuleMessage::Configured
                 }
                 Err(error) => ModuleMessage::Refused(error.into()),
             },
-            HostMessage::Step(_) | HostMessage::SetPace(_) if !self.configured => {
+            HostMessage::Step(_) | HostMessage::SetPace(_) | HostMessage::LoadCompensation(_)
+                if !self.configured =>
+            {
                 ModuleMessage::Refused(Refusal::NotConfigured)
             }
+            HostMessage::LoadCompensation(bytes) => self.load_compensation(bytes, module),
             HostMessage::Step(input) => {
                 if let Some(clock) = &mut self.clock {
                     let superseded = clock.input.replace(*input).is_some();
@@ -248,6 +253,21 @@ impl Endpoint {
             HostMessage::SetPace(pace) => self.set_pace(*pace, now_us()),
             HostMessage::Hello | HostMessage::Counters | HostMessage::Reset => return None,
         })
+    }
+
+    // By itself: a block is large, and a step has no use for the room on the stack.
+    #[inline(never)]
+    fn load_compensation(&mut self, bytes: &BlockBytes, module: &mut FlightModule) -> ModuleMessage {
+        match block::decode(bytes) {
+            Ok((block, checksum)) => match module.load_compensation(&block) {
+                Ok(()) => {
+                    self.counters.compensation = Some(checksum);
+                    ModuleMessage::CompensationLoaded { checksum }
+                }
+                Err(error) => ModuleMessage::Refused(error.into()),
+            },
+            Err(error) => ModuleMessage::Refused(Refusal::Block(error)),
+        }
     }
 
     fn set_pace(&mut self, pace: Pace, now_us: u64) -> ModuleMessage {
@@ -311,10 +331,12 @@ mod tests {
     use std::vec::Vec;
 
     use proptest::prelude::*;
+    use schuler_core::compensation::{Block, Factor, Target, Term};
     use schuler_core::config::{ConfigError, Problem};
     use schuler_core::module::ModuleConfig;
 
     use super::*;
+    use crate::block::BlockError;
     use crate::frame::FrameError;
     use crate::message::{Board, RefusedFrames, Start};
 
@@ -472,6 +494,53 @@ mod tests {
             panic!()
         };
         assert_eq!(field.len(), 64, "clipped, not dropped");
+    }
+
+    /// A block is taken whole or not at all, and the module says which one is in force.
+    #[test]
+    fn a_compensation_block_is_loaded_or_refused_with_the_reason() {
+        let mut rig = Rig::new();
+        let term = Term {
+            target: Target::Velocity,
+            coefficient: 0.25,
+            factors: [Factor::default(), Factor::default()],
+        };
+        let block = Block { terms: [term].into_iter().collect(), ..Block::default() };
+        let bytes = block::encode(&block);
+        let load = |bytes: &BlockBytes| HostMessage::LoadCompensation(bytes.clone());
+        assert_eq!(rig.say(1, &load(&bytes)), Some(ModuleMessage::Refused(Refusal::NotConfigured)));
+        rig.say(2, &HostMessage::Configure(ModuleConfig::default()));
+        let checksum = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&bytes[..bytes.len() - 4]);
+        assert_eq!(rig.say(3, &load(&bytes)), Some(ModuleMessage::CompensationLoaded { checksum }));
+        assert_eq!(rig.endpoint.counters().compensation, Some(checksum));
+
+        let mut damaged = bytes.clone();
+        damaged[20] ^= 1;
+        let refused = |problem| Some(ModuleMessage::Refused(Refusal::Block(problem)));
+        assert_eq!(rig.say(4, &load(&damaged)), refused(BlockError::Checksum));
+        assert_eq!(rig.say(5, &load(&BlockBytes::new())), refused(BlockError::Form));
+        let mut nan = block.clone();
+        nan.terms[0].coefficient = f32::NAN;
+        match rig.say(6, &load(&block::encode(&nan))) {
+            Some(ModuleMessage::Refused(Refusal::Configuration { field, .. })) => {
+                assert_eq!(field, "compensation.terms.coefficient");
+            }
+            other => panic!("{other:?}"),
+        }
+        // The first one is in force still.
+        assert_eq!(rig.endpoint.counters().compensation, Some(checksum));
+        let input = StepInput {
+            velocity_error: schuler_core::reading::Reading::good(0.25),
+            ..StepInput::without_readings(1000)
+        };
+        match rig.say(7, &HostMessage::Step(input)) {
+            Some(ModuleMessage::Output(output)) => {
+                assert_eq!((output.compensation.velocity, output.filter.innovation), (0.25, 0.0));
+            }
+            other => panic!("{other:?}"),
+        }
+        rig.say(8, &HostMessage::Configure(ModuleConfig::default()));
+        assert_eq!(rig.endpoint.counters().compensation, None, "a configuration starts without");
     }
 
     #[test]

@@ -258,7 +258,7 @@ impl Term {
 
 impl Factor {
     /// Largest magnitude within the validity; zero where that does not bound it.
-    fn largest(&self, validity: &Validity) -> f32 {
+    fn largest(self, validity: &Validity) -> f32 {
         let [low, high] = validity.temperature_ends();
         let [low, high] = match self.quantity {
             Quantity::One => [1.0; 2],

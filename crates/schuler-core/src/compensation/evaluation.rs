@@ -268,7 +268,7 @@ impl Product {
             Target::LoopAccelerometer => LOOP_ACCELEROMETER,
             Target::LoopGyro => LOOP_GYRO,
         };
-        let factors = term.factors.map(|factor| Difference::of(&factor, target));
+        let factors = term.factors.map(|factor| Difference::of(factor, target));
         Self { target: target as u8, coefficient: term.coefficient, factors }
     }
 
@@ -296,7 +296,7 @@ impl Difference {
         reference: 0.0,
     };
 
-    fn of(factor: &Factor, target: usize) -> Self {
+    fn of(factor: Factor, target: usize) -> Self {
         let at = |place: usize, index: u8| place.saturating_add(usize::from(index));
         let (plus, minus) = match factor.quantity {
             Quantity::One => (place::ONE, place::ZERO),

@@ -9,10 +9,11 @@ use super::time::{Clock, Passage};
 use super::velocity::{Identifiers, VelocityChannel, usable};
 use super::{HEALTH_LEVELS, THERMOMETERS};
 use crate::compensation::{Block, Compensator, Known};
-use crate::config::ConfigError;
+use crate::config::{ConfigError, Problem};
 use crate::health::{HealthConfig, HealthMonitor};
 use crate::isolation::FaultIsolation;
 use crate::reading::{Quality, Reading};
+use crate::thermal::{TemperatureRateOutput, ThermalState};
 
 /// The flight module's whole state: about 75 kB. Keep it in a static and configure it there.
 #[derive(Clone, Copy, Debug)]
@@ -82,14 +83,16 @@ impl FlightModule {
     }
 
     /// Checks a compensation block and corrects by it from the next step on, in place of the one before. Best before the first
-    /// step: where it, or the one before, acts on the velocity channel, filter and identification start anew. On an error,
-    /// and before the configuration, the module goes on as it was.
+    /// step: where it, or the one before, acts on the velocity channel, filter and identification start anew. On an error the
+    /// module goes on as it was.
     ///
     /// # Errors
-    /// The first field that cannot be flown.
+    /// The first field that cannot be flown, or that there is no configuration yet.
     pub fn load_compensation(&mut self, block: &Block) -> Result<(), ConfigError> {
         let compensator = Compensator::try_build(block)?;
-        let Stage::Running(running) = &mut self.stage else { return Ok(()) };
+        let Stage::Running(running) = &mut self.stage else {
+            return Err(ConfigError::new("compensation", Problem::BeforeConfiguration));
+        };
         let corrects_velocity = block.has_velocity_terms();
         if corrects_velocity || running.corrects_velocity {
             running.velocity = VelocityChannel::try_build(&running.config.filter)?;
@@ -146,8 +149,8 @@ impl Running {
         });
 
         // Temperatures and rates.
-        let mut temperatures = [Default::default(); THERMOMETERS];
-        let mut states = [Default::default(); THERMOMETERS];
+        let mut temperatures = [TemperatureRateOutput::default(); THERMOMETERS];
+        let mut states = [ThermalState::default(); THERMOMETERS];
         let all = self.thermometers.iter_mut().zip(&thermometers);
         for ((output, state), (thermometer, reading)) in temperatures.iter_mut().zip(&mut states).zip(all) {
             (*output, *state) = thermometer.step(steady_ms, reading);
