@@ -116,8 +116,11 @@ mod tests {
     use super::*;
 
     fn longest() -> Block {
-        let factor =
-            Factor { quantity: Quantity::TemperatureDifference(u8::MAX, u8::MAX), reference: 1e30, power: 255 };
+        let factor = Factor {
+            quantity: Quantity::TemperatureDifference(u8::MAX, u8::MAX),
+            reference: 1e30,
+            power: 255,
+        };
         let term = Term { target: Target::Gyro(u8::MAX), coefficient: -1e-30, factors: [factor; 2] };
         Block {
             calibration: Some(Calibration {
@@ -163,7 +166,8 @@ mod tests {
         for at in 0..bytes.len() {
             let mut damaged = bytes.to_vec();
             damaged[at] ^= 0x10;
-            let expected = if at < 4 || (6..8).contains(&at) { BlockError::Form } else { BlockError::Checksum };
+            let expected =
+                if at < 4 || (6..8).contains(&at) { BlockError::Form } else { BlockError::Checksum };
             assert_eq!(decode(&damaged).unwrap_err(), expected, "byte {at}");
             assert_eq!(decode(&bytes[..at]).unwrap_err(), BlockError::Form, "cut at {at}");
         }

@@ -260,8 +260,7 @@ mod tests {
     /// The damaged second frame is refused, or its damage did not touch its content; its neighbours arrive.
     fn assert_only_the_second_suffers(line: &[u8], what: &str) {
         let (frames, _) = listen::<HostMessage>(&mut Decoder::new(), line);
-        let whole =
-            three().map(|wire| listen::<HostMessage>(&mut Decoder::new(), &wire).0.swap_remove(0));
+        let whole = three().map(|wire| listen::<HostMessage>(&mut Decoder::new(), &wire).0.swap_remove(0));
         let [first, _, third] = &whole;
         assert!(
             frames == whole || (frames.len() == 2 && frames[0] == *first && frames[1] == *third),

@@ -139,12 +139,8 @@ impl Compensator {
     /// The first field that cannot be flown.
     pub fn try_build(block: &Block) -> Result<Self, ConfigError> {
         block.validate()?;
-        let mut all = Self {
-            loaded: true,
-            validity: block.validity,
-            limits: limits(&block.limits),
-            ..Self::none()
-        };
+        let mut all =
+            Self { loaded: true, validity: block.validity, limits: limits(&block.limits), ..Self::none() };
         if let Some(calibration) = &block.calibration {
             all.has_calibration = true;
             all.thermometer = calibration.thermometer;
@@ -288,13 +284,8 @@ impl Product {
 }
 
 impl Difference {
-    const ONE: Self = Self {
-        plus: place::ONE as u8,
-        minus: place::ZERO as u8,
-        power: 1,
-        magnitude: false,
-        reference: 0.0,
-    };
+    const ONE: Self =
+        Self { plus: place::ONE as u8, minus: place::ZERO as u8, power: 1, magnitude: false, reference: 0.0 };
 
     fn of(factor: Factor, target: usize) -> Self {
         let at = |place: usize, index: u8| place.saturating_add(usize::from(index));

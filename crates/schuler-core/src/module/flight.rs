@@ -166,14 +166,8 @@ impl Running {
 
         // Velocity channel.
         let measured = velocity.map(|velocity| velocity - compensation.velocity);
-        let (filter, identification) = self.velocity.step(
-            identifiers,
-            config,
-            passage,
-            measured,
-            compensation.loop_errors,
-            &mut status,
-        );
+        let (filter, identification) =
+            self.velocity.step(identifiers, config, passage, measured, compensation.loop_errors, &mut status);
 
         // Gyro block.
         let readmit = match input.command {
