@@ -25,7 +25,7 @@ use schuler_core::module::{FlightModule, StepInput};
 use crate::block::{self, BlockBytes};
 use crate::frame::{Decoder, Frame, FrameError, Wire};
 use crate::message::{
-    Banner, Counters, HostMessage, Identity, ModuleMessage, Pace, Refusal, Tick, Transport,
+    Banner, Board, Counters, HostMessage, Identity, ModuleMessage, Pace, Refusal, Start, Tick, Transport,
 };
 
 /// Longest period of the clock's pace, ms.
@@ -55,8 +55,28 @@ pub struct Endpoint {
     configured: bool,
     /// Time of the last step, as the module was told: the base for a step without input, milliseconds.
     time_ms: u64,
-    clock: Option<ClockPace>,
+    pace: Stepping,
     counters: Counters,
+}
+
+/// What makes the module take a step.
+///
+/// The tag stands by itself, so that an endpoint at the host's pace is all zeros and a static one costs no flash.
+#[derive(Clone, Copy, Debug)]
+#[repr(u8)]
+#[allow(clippy::large_enum_variant)] // No heap to box it in.
+enum Stepping {
+    Host,
+    Clock(ClockPace),
+}
+
+impl Stepping {
+    fn clock(&mut self) -> Option<&mut ClockPace> {
+        match self {
+            Self::Host => None,
+            Self::Clock(clock) => Some(clock),
+        }
+    }
 }
 
 /// The last command accepted.
@@ -87,9 +107,15 @@ impl Endpoint {
             passing: Wire::new(),
             configured: false,
             time_ms: 0,
-            clock: None,
+            pace: Stepping::Host,
             counters: Counters::NONE,
         }
+    }
+
+    /// An endpoint of nothing but zeros, which as a static costs no flash; to be [identified](Self::identify) before it
+    /// speaks.
+    pub const fn unidentified() -> Self {
+        Self::new(Identity { board: Board::Host, transport: Transport::Memory, start: Start::PowerOn })
     }
 
     /// Says who is there and why; known only after the start.
@@ -121,7 +147,7 @@ impl Endpoint {
 
     /// At the clock's pace, runs the step that is due. Call often; `Some` is the frame to be sent.
     pub fn tick(&mut self, module: &mut FlightModule, mut now_us: impl FnMut() -> u64) -> Option<&[u8]> {
-        let pace = self.clock.as_mut()?;
+        let pace = self.pace.clock()?;
         let begin_us = now_us();
         let late_us = begin_us.checked_sub(pace.due_us)?;
         let period_us = u64::from(pace.period_ms) * 1000;
@@ -167,7 +193,10 @@ impl Endpoint {
 
     /// What makes the module take a step.
     pub fn pace(&self) -> Pace {
-        self.clock.as_ref().map_or(Pace::Host, |clock| Pace::Clock { period_ms: clock.period_ms })
+        match &self.pace {
+            Stepping::Host => Pace::Host,
+            Stepping::Clock(clock) => Pace::Clock { period_ms: clock.period_ms },
+        }
     }
 
     fn take(
@@ -224,7 +253,7 @@ impl Endpoint {
                 Ok(()) => {
                     self.configured = true;
                     self.time_ms = 0;
-                    self.clock = None;
+                    self.pace = Stepping::Host;
                     self.counters.configurations = self.counters.configurations.saturating_add(1);
                     self.counters.compensation = None;
                     ModuleMessage::Configured
@@ -238,7 +267,7 @@ impl Endpoint {
             }
             HostMessage::LoadCompensation(bytes) => self.load_compensation(bytes, module),
             HostMessage::Step(input) => {
-                if let Some(clock) = &mut self.clock {
+                if let Some(clock) = self.pace.clock() {
                     let superseded = clock.input.replace(*input).is_some();
                     self.counters.superseded_inputs =
                         self.counters.superseded_inputs.saturating_add(u32::from(superseded));
@@ -271,15 +300,15 @@ impl Endpoint {
     }
 
     fn set_pace(&mut self, pace: Pace, now_us: u64) -> ModuleMessage {
-        self.clock = match pace {
-            Pace::Host => None,
+        self.pace = match pace {
+            Pace::Host => Stepping::Host,
             Pace::Clock { period_ms } => {
                 let possible = self.identity.transport != Transport::Semihosting;
                 if !(possible && (1..=MAX_PERIOD_MS).contains(&period_ms)) {
                     return ModuleMessage::Refused(Refusal::Pace);
                 }
                 let due_us = now_us.saturating_add(u64::from(period_ms) * 1000);
-                Some(ClockPace { period_ms, due_us, input: None })
+                Stepping::Clock(ClockPace { period_ms, due_us, input: None })
             }
         };
         ModuleMessage::PaceSet(pace)
@@ -338,7 +367,7 @@ mod tests {
     use super::*;
     use crate::block::BlockError;
     use crate::frame::FrameError;
-    use crate::message::{Board, RefusedFrames, Start};
+    use crate::message::RefusedFrames;
 
     const IDENTITY: Identity =
         Identity { board: Board::Host, transport: Transport::Memory, start: Start::PowerOn };

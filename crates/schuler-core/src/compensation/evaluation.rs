@@ -230,7 +230,8 @@ impl Compensator {
         all
     }
 
-    /// The sum of the terms on each target, within its limit.
+    /// The sum of the terms on each target, within its limit. Not in line: once is enough in flash.
+    #[inline(never)]
     fn errors(&self, quantities: &Quantities, status: &mut TermStatus) -> [f32; TARGETS] {
         let mut errors = [0.0; TARGETS];
         for product in &self.products {

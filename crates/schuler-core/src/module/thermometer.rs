@@ -31,7 +31,9 @@ impl Thermometer {
         Ok(Self { on: config.is_some(), estimator, heard_ms: 0 })
     }
 
-    /// One step at a time of the steady clock; what is known of the temperature for the compensation.
+    /// One step at a time of the steady clock; what is known of the temperature for the compensation. Not in line: once is
+    /// enough in flash.
+    #[inline(never)]
     pub(super) fn step(
         &mut self,
         steady_ms: u64,
