@@ -145,7 +145,6 @@ fn what_is_missing_or_out_of_range_is_flagged_and_held() {
     close(correct(term(1e-3, Quantity::TemperatureRate(0), 0.0), at(30.0)), 0.0, TermStatus::INPUT_MISSING);
     // A thermometer that no term looks at does not matter.
     close(correct(term(1e-6, Quantity::One, 0.0), at(90.0)), 1e-6, TermStatus::empty());
-    // Nor does it matter what a gyro lacks that is not there.
     close(correct(term(1.0, Quantity::SpecificForce(1), 0.0), at(30.0)), 0.0, TermStatus::INPUT_MISSING);
     close(correct(term(1e-2, Quantity::Temperature(0), 20.0), at(30.0)), 1e-4, TermStatus::LIMITED);
 }
