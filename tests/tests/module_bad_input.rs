@@ -1,7 +1,7 @@
 //! Whatever comes in, the flight module flags it, stays usable and gives finite numbers.
 
 use proptest::prelude::*;
-use schuler_core::compensation::{Quantity, Target};
+use schuler_core::compensation::{Block, Quantity, Target};
 use schuler_core::config::Problem;
 use schuler_core::health::{HealthConfig, HealthStatus, Verdict};
 use schuler_core::module::{Command, FlightModule, ModuleConfig, Status, StepInput, StepOutput};
@@ -359,7 +359,7 @@ fn parts_without_configuration_are_off() {
 #[test]
 fn a_stuck_gyro_is_found_behind_a_correction_that_moves() {
     let mut module = started();
-    let mut block = full_block();
+    let mut block = Block { calibration: None, ..full_block() };
     block.terms.retain(|term| {
         let [first, _] = term.factors;
         matches!(term.target, Target::Gyro(_)) && matches!(first.quantity, Quantity::Temperature(_))

@@ -211,12 +211,12 @@ fn known_errors_in_the_loop_leave_the_filter_as_it_would_be_without_them() {
 
 #[test]
 fn a_block_for_the_velocity_channel_loaded_in_flight_restarts_it_and_says_so() {
-    let velocity = block(&[Term { target: Target::Velocity, coefficient: 1.0, ..Term::default() }]);
+    let velocity = block(&[Term { target: Target::Velocity, coefficient: 0.25, ..Term::default() }]);
     let gyro = block(&[Term { target: Target::Gyro(0), coefficient: 1e-7, ..Term::default() }]);
     let mut module = module(&ModuleConfig::default(), None);
     let step = |module: &mut FlightModule, k: u64| {
         let mut input = StepInput::without_readings(1000 * k);
-        input.velocity_error = Reading::good(1.0);
+        input.velocity_error = Reading::good(0.25);
         module.step(&input)
     };
     for k in 1..100 {
