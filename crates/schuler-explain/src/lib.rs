@@ -2,6 +2,7 @@
 
 pub mod calibration;
 pub mod catalogue;
+pub mod evidence;
 pub mod explanation;
 pub mod inputs;
 pub mod radio_identification;
