@@ -82,29 +82,29 @@ pub struct SensorEvidence {
     /// What is left.
     pub remainder: Vec<f64>,
     /// Standardised innovations, before and after.
-    pub innovation: BeforeAfter<Vec<f64>>,
+    pub innovation: Compared<Vec<f64>>,
     /// Their autocorrelation.
-    pub autocorrelation: BeforeAfter<Autocorrelation>,
+    pub autocorrelation: Compared<Autocorrelation>,
     /// Their spectrum, 1 where they are white.
-    pub whiteness: BeforeAfter<Whiteness>,
+    pub whiteness: Compared<Whiteness>,
     /// Spectral density of residual and remainder.
-    pub density: BeforeAfter<Density>,
+    pub density: Compared<Density>,
     /// Root mean square of residual and remainder about their means.
-    pub rms: BeforeAfter<f64>,
+    pub rms: Compared<f64>,
     /// Each finding against its cause.
     pub dependences: Vec<Dependence>,
 }
 
 /// The same thing without the findings and with them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct BeforeAfter<T> {
+pub struct Compared<T> {
     /// Without.
     pub before: T,
     /// With.
     pub after: T,
 }
 
-impl<T> BeforeAfter<T> {
+impl<T> Compared<T> {
     fn of<S: ?Sized + Sync>(before: &S, after: &S, compute: impl Fn(&S) -> T + Sync) -> Self
     where
         T: Send,
@@ -139,7 +139,7 @@ fn of_sensor(arrays: SensorArrays, rows: usize, step_s: f64) -> SensorEvidence {
     }
     let remainder: Vec<f64> = residual.iter().zip(&explained).map(|(r, e)| r - e).collect();
     let innovation =
-        BeforeAfter { before: of_all_rows(innovation_before), after: of_all_rows(innovation_after) };
+        Compared { before: of_all_rows(innovation_before), after: of_all_rows(innovation_after) };
     let lags = autocorrelation::lags(rows);
     let repeats = dependence::repeats(&remainder);
     let dependences =
@@ -147,14 +147,14 @@ fn of_sensor(arrays: SensorArrays, rows: usize, step_s: f64) -> SensorEvidence {
     SensorEvidence {
         sensor,
         unit,
-        autocorrelation: BeforeAfter::of(&innovation.before[..], &innovation.after[..], |values| {
+        autocorrelation: Compared::of(&innovation.before[..], &innovation.after[..], |values| {
             autocorrelation(values, step_s, lags)
         }),
-        whiteness: BeforeAfter::of(&innovation.before[..], &innovation.after[..], |values| {
+        whiteness: Compared::of(&innovation.before[..], &innovation.after[..], |values| {
             whiteness(values, step_s)
         }),
-        density: BeforeAfter::of(&residual[..], &remainder[..], |values| density(values, step_s)),
-        rms: BeforeAfter::of(&residual[..], &remainder[..], spread),
+        density: Compared::of(&residual[..], &remainder[..], |values| density(values, step_s)),
+        rms: Compared::of(&residual[..], &remainder[..], spread),
         dependences,
         residual,
         explained,
