@@ -13,6 +13,9 @@ const LARGEST: usize = 3_000_000;
 fn written(directory: &Path, page: &str) -> std::path::PathBuf {
     let path = directory.join("report.html");
     std::fs::write(&path, page).unwrap();
+    if let Some(directory) = std::env::var_os("SCHULER_SCREENSHOTS") {
+        std::fs::write(Path::new(&directory).join("report.html"), page).unwrap();
+    }
     path
 }
 

@@ -214,10 +214,8 @@ impl<'c> Context<'c> {
         if whole && finding.effect != "scale_factor" {
             return Err("it belongs to a whole instrument, and the block corrects sensors".to_owned());
         }
-        let targets: Vec<(Target, Option<&Sensor>)> = sensors
-            .iter()
-            .filter_map(|sensor| Some((self.target(sensor)?, Some(*sensor))))
-            .collect();
+        let targets: Vec<(Target, Option<&Sensor>)> =
+            sensors.iter().filter_map(|sensor| Some((self.target(sensor)?, Some(*sensor)))).collect();
         if targets.is_empty() {
             return Err(format!("{} stands at no input of the flight module", finding.sensor));
         }
@@ -234,7 +232,12 @@ impl<'c> Context<'c> {
     }
 
     /// The factor, and the sign that turns its axis into that of the sensor that measures it.
-    fn factor(&self, finding: &Finding, sensor: Option<&Sensor>, part: Part) -> Result<(Factor, f64), String> {
+    fn factor(
+        &self,
+        finding: &Finding,
+        sensor: Option<&Sensor>,
+        part: Part,
+    ) -> Result<(Factor, f64), String> {
         let of = |quantity: Quantity| Ok((Factor::from(quantity), 1.0));
         let power = |quantity, power| Ok((Factor { power, ..Factor::from(quantity) }, 1.0));
         match part {
@@ -290,7 +293,8 @@ impl<'c> Context<'c> {
             let cosine = own.dot(&axis) / own.norm();
             (cosine.abs() > SAME_AXIS).then_some((*place, cosine.signum()))
         });
-        let (place, sign) = found.ok_or_else(|| format!("no {name} measures along the axis that it needs"))?;
+        let (place, sign) =
+            found.ok_or_else(|| format!("no {name} measures along the axis that it needs"))?;
         let quantity = match dimension {
             Dimension::AngularRate => Quantity::Rate(place),
             _ => Quantity::SpecificForce(place),
@@ -328,8 +332,11 @@ impl<'c> Context<'c> {
         }
         let [to, from] = columns(finding).ok_or("it does not say between which thermometers")?;
         let position = |column: &str| self.recording.auxiliary(column)?.auxiliary.position_m;
-        let distance = position(to).zip(position(from)).map(|(a, b)| (Vector3::from(a) - Vector3::from(b)).norm());
-        distance.filter(|it| *it > 0.0).ok_or_else(|| "the distance of its thermometers is not known".to_owned())
+        let distance =
+            position(to).zip(position(from)).map(|(a, b)| (Vector3::from(a) - Vector3::from(b)).norm());
+        distance
+            .filter(|it| *it > 0.0)
+            .ok_or_else(|| "the distance of its thermometers is not known".to_owned())
     }
 
     /// The ranges of temperature and of its rate in the recording.
@@ -375,8 +382,12 @@ fn why_not(effect: &str) -> &'static str {
         "bias_thermal_lag" | "bias_thermal_hysteresis" | "torquer_self_heating" | "post_g_transient" => {
             "it has a memory, and the terms of the block have none"
         }
-        "bias_supply_voltage" | "bias_magnetic_field" | "bias_pressure" | "bias_on_aux"
-        | "bias_pickoff_offset" | "vibration_rectification" => "the flight module is not told the quantity",
+        "bias_supply_voltage"
+        | "bias_magnetic_field"
+        | "bias_pressure"
+        | "bias_on_aux"
+        | "bias_pickoff_offset"
+        | "vibration_rectification" => "the flight module is not told the quantity",
         "time_delay" | "bandwidth_lag" | "lever_arm" | "angular_acceleration" | "coning_sculling" => {
             "it follows changes of the motion within a step of the flight module"
         }
@@ -476,7 +487,9 @@ mod tests {
 
     #[test]
     fn every_effect_without_a_term_has_a_reason() {
-        for effect in ["bias_step", "time_delay", "noise_markov", "noise_outliers", "bias_pressure", "unheard_of"] {
+        for effect in
+            ["bias_step", "time_delay", "noise_markov", "noise_outliers", "bias_pressure", "unheard_of"]
+        {
             assert!(!why_not(effect).is_empty());
             assert!(TERMS.iter().all(|(id, _)| *id != effect));
         }

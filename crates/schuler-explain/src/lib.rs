@@ -2,6 +2,7 @@
 
 pub mod calibration;
 pub mod catalogue;
+pub mod deploy;
 pub mod evidence;
 pub mod explanation;
 pub mod inputs;

@@ -52,7 +52,7 @@
     return [least - margin, most + margin];
   };
 
-  const dots = (radius) => (plot, index) => {
+  const dots = (radius, fill) => (plot, index) => {
     const context = plot.ctx;
     const { scales, data, bbox } = plot;
     const x = data[0], y = data[index];
@@ -61,7 +61,7 @@
     context.beginPath();
     context.rect(bbox.left, bbox.top, bbox.width, bbox.height);
     context.clip();
-    context.fillStyle = plot.series[index].points._fill();
+    context.fillStyle = fill();
     context.beginPath();
     for (let row = 0; row < x.length; row++) {
       if (y[row] == null || x[row] < scales.x.min || x[row] > scales.x.max) continue;
@@ -78,14 +78,14 @@
     const ink = () => colours[curve.ink];
     const common = {
       label: curve.label, show: inView(curve), stroke: ink, spanGaps: false,
-      value: (_, value) => shown(value), points: { show: false, _fill: ink },
+      value: (_, value) => shown(value), points: { show: false },
     };
     switch (curve.look) {
       case "thin": return { ...common, width: 1, spanGaps: chart.group != null && curve.sparse };
       case "line": return { ...common, width: 2, spanGaps: curve.sparse };
       case "dash": return { ...common, width: 1, dash: [5, 4] };
-      case "dots": return { ...common, paths: dots(1.1), points: { show: false, _fill: () => colours[curve.ink] + "80" } };
-      default: return { ...common, paths: dots(2.6), points: { show: false, _fill: ink } };
+      case "dots": return { ...common, paths: dots(1.1, () => colours[curve.ink] + "80") };
+      default: return { ...common, paths: dots(2.6, ink) };
     }
   };
 
