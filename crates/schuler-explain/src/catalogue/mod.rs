@@ -6,6 +6,10 @@
 //! | `thermal` | temperature, its rate, difference and history |
 //! | `environment` | supply, field, pressure, vibration, pick-off, any recorded quantity |
 //! | `input` | scale factor and its non-linearity, misalignment, cross coupling, dead zone |
+//! | `g_sensitivity` | drift of gyros with specific force and its products |
+//! | `rotation` | rates and forces other than the sensor's own input, and their past |
+//! | `instrument` | time, bandwidth and place of a whole instrument, its attitude against the Earth |
+//! | `gravity`, `tide` | anomaly of gravity, tide of the solid Earth |
 //! | `failures` | stuck, clipped, coarse or jumping readings |
 //! | `noise` | another random part |
 mod additive;
@@ -13,9 +17,14 @@ mod draft;
 mod effect;
 mod environment;
 mod failures;
+mod g_sensitivity;
+mod gravity;
 mod input;
+mod instrument;
 mod noise;
+mod rotation;
 mod thermal;
+mod tide;
 
 pub use effect::{
     Amplitude, Candidate, Column, Effect, NoiseChange, Nonlinear, OnsetShape, Port, ReadingFault, Search,
@@ -57,9 +66,26 @@ pub const CATALOGUE: &[Effect] = &[
     input::MISALIGNMENT,
     thermal::MISALIGNMENT_TEMPERATURE,
     input::CROSS_COUPLING,
+    g_sensitivity::G_MASS_UNBALANCE,
+    g_sensitivity::G_QUADRATURE,
+    g_sensitivity::G_SPIN,
+    g_sensitivity::G2_ANISOELASTICITY,
+    g_sensitivity::G2_CROSS,
     thermal::G_MASS_UNBALANCE_TEMPERATURE,
+    rotation::TORQUER_SELF_HEATING,
+    rotation::POST_G_TRANSIENT,
     input::SCALE_FACTOR_ODD_QUADRATIC,
     environment::VIBRATION_RECTIFICATION,
+    rotation::ANISOINERTIA,
+    rotation::ANGULAR_ACCELERATION,
+    rotation::RATE_CROSS_AXIS,
+    rotation::CONING_SCULLING,
+    instrument::TIME_DELAY,
+    instrument::BANDWIDTH_LAG,
+    instrument::LEVER_ARM,
+    instrument::EARTH_RATE_ATTITUDE,
+    gravity::GRAVITY_ANOMALY,
+    gravity::EARTH_TIDE,
     noise::NOISE_WHITE,
     noise::NOISE_MARKOV,
     noise::NOISE_EXP_COS,

@@ -105,19 +105,14 @@ impl BodyMotion {
             motion.rate = fill(time_s, &rate);
         }
         if motion.force.is_none() {
-            motion.force = match (&velocity_ned, recording.case.site) {
-                (Some(velocity), Some(site)) => {
-                    let (latitude, altitude) = (site.latitude_deg.to_radians(), site.altitude_m);
-                    fill(
-                        time_s,
-                        &specific_force(time_s, &columns(&attitude), &columns(velocity), latitude, altitude),
-                    )
-                }
+            motion.force = if let (Some(velocity), Some(site)) = (&velocity_ned, recording.case.site) {
+                let (latitude, altitude) = (site.latitude_deg.to_radians(), site.altitude_m);
+                let (attitude, velocity) = (columns(&attitude), columns(velocity));
+                fill(time_s, &specific_force(time_s, &attitude, &velocity, latitude, altitude))
+            } else {
                 // Without a velocity the body turns where it is.
-                _ => {
-                    let gravity = gravity(recording);
-                    Some(in_body(&|_| Vector3::new(0.0, 0.0, -gravity)))
-                }
+                let gravity = gravity(recording);
+                Some(in_body(&|_| Vector3::new(0.0, 0.0, -gravity)))
             };
         }
         motion.attitude = Some(attitude);

@@ -138,7 +138,7 @@ pub fn process_noise(time_s: &[f64], measurements: &[Measurement], scale: f64) -
             costs = [costs[1], cost(inner[1])];
         }
     }
-    let at = if costs[0] < costs[1] { 0 } else { 1 };
+    let at = usize::from(costs[0] >= costs[1]);
     (unit * 10_f64.powf(inner[at]), costs[at])
 }
 

@@ -233,11 +233,8 @@ fn hold(
     let count = ((to_s - from_s) / HOLD_S).floor();
     for k in 0..count as usize {
         let at_s = from_s + (to_s - from_s) * (k as f64 + 0.5) / count;
-        if let Some(&row) = rows.get(rows.partition_point(|&row| time_s[row] < at_s)) {
-            if time_s[row] < to_s {
-                measurements.push(held(row));
-            }
-        }
+        let row = rows.get(rows.partition_point(|&row| time_s[row] < at_s));
+        measurements.extend(row.filter(|&&row| time_s[row] < to_s).map(|&row| held(row)));
     }
 }
 
