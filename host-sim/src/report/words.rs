@@ -40,16 +40,19 @@ pub(super) fn verdict(verdict: Verdict) -> &'static str {
 
 /// "From 3 h 12 min on, gyro_x drifts with the rate of its temperature: 1.90 ± 0.04 °/h per K/h."
 pub(super) fn finding(finding: &Finding, length_s: f64) -> String {
-    let said = finding.sentence.trim().trim_end_matches('.');
-    let said = if said.is_empty() {
-        format!("{} shows {}", finding.sensor, finding.effect.replace('_', " "))
-    } else {
-        said.to_owned()
+    // The answer's own sentence is for those who have nothing but the answer.
+    let Some(effect) = effect(&finding.effect) else { return finding.sentence.clone() };
+    let said = match effect.sentence.split_once("{sensor}") {
+        Some((before, after)) => format!("{before}{}{after}", finding.sensor),
+        None => format!("{} {}", finding.sensor, effect.sentence),
     };
-    let values: Vec<String> =
-        finding.parameters.iter().map(|it| parameter(it, &finding.parameters)).collect();
-    let values = if values.is_empty() { String::new() } else { format!(": {}", values.join(", ")) };
-    format!("{}{said}{values}.", when(finding.interval_s, length_s))
+    let (numbers, others): (Vec<&Parameter>, Vec<&Parameter>) =
+        finding.parameters.iter().partition(|it| it.text.is_none());
+    let numbers: Vec<String> = numbers.iter().map(|it| parameter(it, numbers.len() == 1)).collect();
+    let others: Vec<String> = others.iter().map(|it| parameter(it, false)).collect();
+    let numbers = if numbers.is_empty() { String::new() } else { format!(": {}", numbers.join(", ")) };
+    let others = if others.is_empty() { String::new() } else { format!(" ({})", others.join(", ")) };
+    format!("{}{said}{numbers}{others}.", when(finding.interval_s, length_s))
 }
 
 /// "From 3 h 12 min on, "; nothing for the whole recording.
@@ -66,9 +69,8 @@ fn when([start_s, end_s]: [f64; 2], length_s: f64) -> String {
 }
 
 /// A parameter in the sentence: the coefficient without its name where there is no other.
-fn parameter(parameter: &Parameter, all: &[Parameter]) -> String {
+fn parameter(parameter: &Parameter, alone: bool) -> String {
     let value = value(parameter);
-    let alone = all.iter().filter(|other| other.value.is_some()).count() == 1;
     match parameter.name.as_str() {
         "coefficient" if alone => value,
         name => format!("{} {value}", name_of(name)),
@@ -91,6 +93,7 @@ pub(super) fn name_of(name: &str) -> String {
         "onset_s" => "onset",
         "frequency_hz" => "frequency",
         "delay_s" => "delay",
+        "reference_degC" => "reference temperature",
         "arm_x_m" => "lever arm x",
         "arm_y_m" => "lever arm y",
         "arm_z_m" => "lever arm z",
@@ -380,7 +383,7 @@ mod tests {
         });
         let said = finding(&it, 86_400.0);
         assert!(
-            said.ends_with("coefficient 1.90 ± 0.04 °/h per K/h, time constant 600 ± 20 s, column temp_x.")
+            said.ends_with("coefficient 1.90 ± 0.04 °/h per K/h, time constant 600 ± 20 s (column temp_x).")
         );
         assert!(implausible(&it).unwrap().contains("time constant 600 ± 20 s"));
         assert!(implausible(&example()).is_none());
