@@ -178,7 +178,7 @@ fn estimate_unknown(model: &mut Model) -> Vec<SourceKnob> {
 }
 
 /// Builds the findings: the best of each class is taken, then the parameters of all are fitted together.
-fn findings(case: &Case<'_>, selection: &mut Selection<'_>) -> Vec<Finding> {
+fn findings<'c>(case: &'c Case<'c>, selection: &mut Selection<'c>) -> Vec<Finding> {
     let mut found = Vec::new();
     let shown = selection.shown.clone();
     for (item, shown) in shown {
