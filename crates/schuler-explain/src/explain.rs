@@ -69,7 +69,7 @@ pub fn explain(recording: &Recording, options: &Options) -> Result<Explanation, 
     if recording.len() < FEWEST_ROWS {
         return Err(Error::TooShort { rows: recording.len(), least: FEWEST_ROWS });
     }
-    let inputs = Inputs::of(recording);
+    let inputs = Inputs::new(recording);
     let candidates: Vec<Candidate> =
         CATALOGUE.par_iter().flat_map_iter(|effect| (effect.candidates)(effect, &inputs)).collect();
     explain_with(&inputs, candidates, options)
