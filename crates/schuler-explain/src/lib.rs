@@ -1,5 +1,6 @@
 //! Why a recording does not look like its simulation.
 
+pub mod arrays;
 pub mod calibration;
 pub mod catalogue;
 pub mod deploy;

@@ -2,7 +2,8 @@
 use std::path::{Path, PathBuf};
 
 use schuler_explain::deploy::{Deployed, Deployment, Stations, deploy};
-use schuler_explain::evidence::{CaseArrays, evidence};
+use schuler_explain::evidence::evidence;
+use schuler_explain::explain::{Options, explain_shown};
 use schuler_explain::explanation::Explanation;
 use schuler_link::block;
 use schuler_recording::{CaseFile, Error, Problem, Recording};
@@ -47,21 +48,12 @@ struct Answer<'r> {
     files: Vec<PathBuf>,
 }
 
-/// Explains a case by `explain` and shows what came of it.
-///
-/// # Errors
-/// What is wrong with the case, or with a file that was asked for.
-pub(super) fn run_with(
-    arguments: &Arguments,
-    session: &Session,
-    explain: impl FnOnce(&Recording) -> Result<(Explanation, CaseArrays), String>,
-) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failure> {
     let recording = Recording::of_case(CaseFile::read(&arguments.case)?)?;
     Session::warn(&recording.warnings);
     let waiting = session.waiting("explaining");
-    let (explanation, arrays) =
-        explain(&recording).map_err(|problem| Error::one(&arguments.case, Problem::of_file(problem)))?;
-    waiting.now("drawing");
+    let (explanation, arrays) = explain_shown(&recording, &Options::default())
+        .map_err(|error| Error::one(&arguments.case, Problem::of_file(error.to_string())))?;
     let report = Report {
         title: recording.case.title.clone(),
         recorded: Recorded::of(&recording, &arguments.case.display().to_string()),
@@ -108,7 +100,8 @@ pub(super) fn run_with(
 /// What flies, by the inputs that the sensors of the case have at the flight module.
 fn deployed(explanation: &Explanation, recording: &Recording, case: &Path) -> Result<Deployment, Failure> {
     let channels = flight::plan(recording).map_err(|mut problem| {
-        problem.message = format!("the case cannot be flown, so there is nothing to compensate: {}", problem.message);
+        problem.message =
+            format!("the case cannot be flown, so there is nothing to compensate: {}", problem.message);
         Error::one(case, problem)
     })?;
     Ok(deploy(explanation, recording, &channels.first().map(stations).unwrap_or_default()))

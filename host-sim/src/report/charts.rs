@@ -429,8 +429,8 @@ fn autocorrelation(found: &Compared<Autocorrelation>) -> Chart {
     let below: Vec<f64> = band.iter().map(|value| -value).collect();
     let (x, columns) = thin::thin(&x, &[&before.correlation, &after.correlation, band, &below]);
     let inks = [
-        ("before", BEFORE, Look::Line, Ink::Before),
-        ("after", AFTER, Look::Line, Ink::After),
+        ("before", BEFORE, Look::Thin, Ink::Before),
+        ("after", AFTER, Look::Thin, Ink::After),
         ("95 % of white noise", ALWAYS, Look::Dash, Ink::Limit),
         ("", ALWAYS, Look::Dash, Ink::Limit),
     ];

@@ -69,7 +69,7 @@ fn top(report: &Report, title: &str) -> Markup {
         header.top {
             h1 { (title) }
             p.meta {
-                (recorded.case) ": " (duration(recorded.length_s)) " in steps of " (plain(recorded.step_s, 3)) " s, "
+                (recorded.case) ": " (duration(recorded.length_s)) " in steps of " (recorded.step_s) " s, "
                 (recorded.sensors.len()) @if recorded.sensors.len() == 1 { " sensor" } @else { " sensors" }
                 @if recorded.rows_in_gaps > 0 { ", " (recorded.rows_in_gaps) " of " (recorded.rows) " rows in gaps" }
             }

@@ -233,7 +233,7 @@ pub(super) fn text(report: &Report) -> String {
             "{} of {} at {} s, {} rows of them in gaps; sensors: {}",
             duration(recorded.length_s),
             recorded.case,
-            plain(recorded.step_s, 3),
+            recorded.step_s,
             recorded.rows_in_gaps,
             recorded.sensors.join(", ")
         ),

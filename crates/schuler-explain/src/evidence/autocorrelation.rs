@@ -8,8 +8,8 @@ use realfft::RealFftPlanner;
 const TWO_SIDED_95: f64 = 1.959_963_984_540_054;
 /// The longest lag is this part of the recording,
 const LONGEST_PART: usize = 10;
-/// but at most this many steps: an hour at 1 Hz.
-const LONGEST: usize = 3600;
+/// but at most this many steps: what innovations still have in common, they have over short lags.
+const LONGEST: usize = 600;
 
 /// Autocorrelation for lags from one step on.
 #[derive(Clone, Debug, Default, PartialEq)]

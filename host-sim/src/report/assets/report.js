@@ -24,11 +24,21 @@
     return String(Number(value.toPrecision(4)));
   };
 
+  const raised = (power) => "10" + String(power).replace(/./g, (c) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)]);
+  // On logarithmic axes the powers of ten alone.
+  const ticks = (logarithmic) => (_, splits) => splits.map((value) => {
+    if (value == null) return "";
+    if (!logarithmic) return shown(value);
+    const power = Math.log10(value);
+    if (Math.abs(power - Math.round(power)) > 1e-6) return "";
+    return Math.abs(power) < 1.5 ? shown(value) : raised(Math.round(power));
+  });
+
   const inView = (curve) => curve.views.includes(view);
 
   // The same scale in every view, so that before and after can be compared; nothing is cut off.
-  const heights = (chart) => (plot, low, high) => {
-    const span = plot.scales.x;
+  const heights = (entry) => () => {
+    const { chart, span } = entry;
     let least = Infinity, most = -Infinity;
     const reach = (value) => {
       if (value == null || (chart.logarithmic && value <= 0)) return;
@@ -159,6 +169,7 @@
     const span = { min: from(a), max: from(a + width) };
     for (const other of plots) {
       if (other === entry || (entry.chart.group && other.chart.group === entry.chart.group)) {
+        other.span = span;
         other.plot.setScale("x", span);
       }
     }
@@ -246,21 +257,22 @@
       label, labelSize: 22, size, stroke: () => colours.ink, labelFont: "13px system-ui, sans-serif",
       font: "12px system-ui, sans-serif", grid: { stroke: () => colours.grid, width: 1 },
       ticks: { stroke: () => colours.grid, width: 1 },
-      values: (_, splits) => splits.map((value) => (value == null ? "" : shown(value))),
+      values: ticks(chart.logarithmic),
     });
     const distribution = chart.logarithmic ? 3 : 1;
-    const entry = { chart, holder };
+    const [first, last] = ends(chart);
+    const entry = { chart, holder, span: { min: first, max: last } };
     const plot = new uPlot({
       width: holder.clientWidth || 600,
       height: 260,
       padding: [8, 12, 0, 0],
       scales: {
         x: { time: false, distr: distribution, range: (_, low, high) => [low, high] },
-        y: { distr: distribution, range: heights(chart) },
+        y: { distr: distribution, range: heights(entry) },
       },
       axes: [
-        { ...axis(chart.xLabel, 34), filter: chart.logarithmic ? uPlot.logAxisValsFilt : undefined },
-        { ...axis(chart.yLabel, 58), filter: chart.logarithmic ? uPlot.logAxisValsFilt : undefined },
+        axis(chart.xLabel, 34),
+        axis(chart.yLabel, 58),
       ],
       series: [
         { label: chart.xLabel, value: (_, value) => shown(value) },
