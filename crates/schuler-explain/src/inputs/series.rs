@@ -121,6 +121,36 @@ pub fn lagged(time_s: &[f64], values: &[f64], tau_s: f64) -> Vec<f64> {
         .collect()
 }
 
+/// The same for a smooth input and a lag that may be shorter than a step: between rows the input is the cubic with the
+/// values and the [derivatives](derivative) of both, of which a straight line would know only the slope half a step ago.
+pub fn lagged_smooth(time_s: &[f64], values: &[f64], tau_s: f64) -> Vec<f64> {
+    let span_s = time_s.last().zip(time_s.first()).map_or(0.0, |(last, first)| last - first);
+    let step_s = span_s / (time_s.len().max(2) - 1) as f64;
+    // Beyond that the powers of τ cancel badly, and a straight line will do.
+    if tau_s > 20.0 * step_s {
+        return lagged(time_s, values, tau_s);
+    }
+    let Some(&first) = values.first() else { return Vec::new() };
+    let slopes = derivative(time_s, values);
+    let mut state = first;
+    let mut output = vec![first];
+    for row in 1..values.len().min(time_s.len()) {
+        let h = time_s[row] - time_s[row - 1];
+        let (u0, u1, d0, d1) = (values[row - 1], values[row], slopes[row - 1], slopes[row]);
+        // Second and third derivative of Hermite's cubic.
+        let rise = (u1 - u0) / h;
+        let third = 6.0 * (d0 + d1 - 2.0 * rise) / (h * h);
+        let second0 = 2.0 * (3.0 * rise - 2.0 * d0 - d1) / h;
+        let second1 = second0 + third * h;
+        // Particular solution u − τ u' + τ² u'' − τ³ u''' at either end; the rest decays.
+        let particular = |u: f64, d: f64, second: f64| u - tau_s * (d - tau_s * (second - tau_s * third));
+        let decay = (-h / tau_s).exp();
+        state = particular(u1, d1, second1) + (state - particular(u0, d0, second0)) * decay;
+        output.push(state);
+    }
+    output
+}
+
 /// The series as it was `delay_s` before (after, where negative), by cubic interpolation through the four rows
 /// around. None where that is outside of the recording.
 pub fn delayed<'s>(
@@ -226,6 +256,21 @@ mod tests {
         for (time, output) in time_s.iter().zip(&output) {
             // y = t − τ (1 − e^(−t/τ)), exact for a ramp.
             assert!((output - (time - 30.0 * (1.0 - (-time / 30.0).exp()))).abs() < 1e-9, "at {time} s");
+        }
+    }
+
+    #[test]
+    fn a_lag_shorter_than_a_step_takes_the_slope_of_now() {
+        let omega = 0.5;
+        let time_s = times(200, 1.0);
+        let values = map(&time_s, |t| (omega * t).sin());
+        for tau in [0.001, 0.1, 0.5, 2.0] {
+            let x = omega * tau;
+            let exact = |t: f64| ((omega * t).sin() - x * (omega * t).cos()) / (1.0 + x * x);
+            let output = lagged_smooth(&time_s, &values, tau);
+            let error = (30..190).map(|row| (output[row] - exact(time_s[row])).abs()).fold(0.0, f64::max)
+                / (x / (1.0 + x * x).sqrt());
+            assert!(error < 0.01, "τ {tau} s: off by {error} of the effect");
         }
     }
 
