@@ -258,13 +258,10 @@ impl Emulator {
             "none",
         ]);
         command.arg("-kernel").arg(elf);
-        match kind {
-            Image::Semihosting => {
-                command.args(["-semihosting-config", "enable=on,target=native", "-serial", "null"]);
-            }
-            _ => {
-                command.args(["-chardev", "stdio,id=link,signal=off", "-serial", "chardev:link"]);
-            }
+        if kind.has_semihosting() {
+            command.args(["-semihosting-config", "enable=on,target=native", "-serial", "null"]);
+        } else {
+            command.args(["-chardev", "stdio,id=link,signal=off", "-serial", "chardev:link"]);
         }
         command.args(["-serial", &format!("file:{}", log.display())]);
         command.args(options);

@@ -8,6 +8,7 @@ use super::recursion::Recursion;
 use super::span::{MAX_SPAN_STEPS, SpanLadder};
 use super::verdict::{Findings, HealthAlarms};
 use crate::config::ConfigError;
+use crate::number::select;
 use crate::reading::{Quality, Reading};
 
 /// One residual out of the model is an outlier, this many in a row are a fault.
@@ -98,24 +99,17 @@ impl<T: RealField + Copy, const LEVELS: usize> HealthMonitor<T, LEVELS> {
 
         state.silence = state.silence.saturating_add(elapsed);
         let restarted = state.started && state.silence > self.bridged_steps;
-        if restarted {
-            state.recursion = self.priors;
-            state.started = false;
-        }
-        let span = self.ladder.span(if state.started { state.silence } else { 0 });
-        let (mut now, evidence) = state.recursion.after(&span, residual, present);
-        let sound = now.is_sound();
-        if !sound {
-            now = self.priors;
-            state.recursion = self.priors;
-            state.started = false;
-        }
-        if present && sound && !evidence.out_of_model {
-            state.recursion = now;
-            state.started = true;
-            state.silence = 0;
-            state.rejected = 0;
-        }
+        let before = *select(restarted, &self.priors, &state.recursion);
+        state.started &= !restarted;
+        let span = self.ladder.span(select(state.started, state.silence, 0));
+        let (after, evidence) = before.after(&span, residual, present);
+        let sound = after.is_sound();
+        let now = *select(sound, &after, &self.priors);
+        let used = present & sound & !evidence.out_of_model;
+        state.recursion = *select(used | !sound, &now, &before);
+        state.started = used | (state.started & sound);
+        state.silence = select(used, 0, state.silence);
+        state.rejected = select(used, 0, state.rejected);
         state.rejected = state.rejected.saturating_add(u32::from(evidence.out_of_model));
 
         let mut status = HealthStatus::empty();
