@@ -2,7 +2,7 @@
 
 24 h at 1 Hz. What was recorded beside the sensor: two thermometers, voltage, current, pressure, three components of the
 magnetic field, vibration, speed, humidity, light. Of these 21 terms are made, as an engineer would who fears what he fears. All are
-smooth processes with correlation times of 10 min to 3 h, as such quantities are; the temperature has a daily cycle and
+smooth processes with correlation times of 5 min to 2 h, as such quantities are; the temperature has a daily cycle and
 heating that comes and goes, so that it is apart from its rate. The effect is A times the standardised rate of the first
 temperature; the noise has a standard deviation of 1.
 """
@@ -58,10 +58,10 @@ class Record:
         time = STEP_S * np.arange(rows)
         hours = time / 3600
         phases = random.uniform(0, 2 * np.pi, 3)
-        temperature = 25 + 4 * np.sin(2 * np.pi * hours / 24 + phases[0]) + 1.5 * smooth(random, rows, 2400.0)
-        second = temperature + 0.7 * smooth(random, rows, 3600.0) + np.sin(2 * np.pi * hours / 24 + phases[1])
-        taus = {"voltage": 900, "current": 1800, "pressure": 10_800, "field_x": 1200, "field_y": 2400, "field_z": 3600,
-                "vibration": 600, "speed": 1500, "humidity": 7200, "light": 1200}
+        temperature = 25 + 4 * np.sin(2 * np.pi * hours / 24 + phases[0]) + 1.5 * smooth(random, rows, 1200.0)
+        second = 30 + 3 * np.sin(2 * np.pi * hours / 24 + phases[1]) + 1.5 * smooth(random, rows, 1800.0)
+        taus = {"voltage": 300, "current": 600, "pressure": 3600, "field_x": 400, "field_y": 800, "field_z": 1200,
+                "vibration": 200, "speed": 500, "humidity": 2400, "light": 400}
         recorded = {name: smooth(random, rows, tau) for name, tau in taus.items()}
         keep = np.exp(-STEP_S / 5400)
         lagged = lfilter([1 - keep], [1, -keep], temperature - temperature[0])
