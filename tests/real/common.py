@@ -102,7 +102,7 @@ class Report:
         self.set, self.cases = name, {}
 
     def case(self, name):
-        return self.cases.setdefault(name, {"estimates": [], "names": {}, "remarks": []})
+        return self.cases.setdefault(name, {"estimates": [], "names": {}, "required": [], "remarks": []})
 
     def estimate(self, case, sensor, effect, parameter, value, sigma, unit, gain=None, **more):
         """An estimate; `gain` in nats, by default that of the parameter alone."""
@@ -115,6 +115,11 @@ class Report:
         """Names that describe rightly what is there."""
         names = self.case(case)["names"].setdefault(sensor, [])
         names.extend(effect for effect in effects if effect not in names)
+
+    def require(self, case, sensor, effect):
+        """What is beyond doubt: an explanation without it is not one."""
+        self.allow(case, sensor, effect)
+        self.case(case)["required"].append([sensor, effect])
 
     def remark(self, case, text):
         self.case(case)["remarks"].append(text)

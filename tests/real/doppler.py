@@ -67,7 +67,7 @@ def main():
         report.estimate(case, "dvl", "scale_factor", "coefficient", 1e6 * value, 1e6 * sigma, "ppm")
         for axis in "xyz":
             value, sigma = units[f"mounting {axis}"]
-            report.estimate(case, "dvl", "misalignment", f"mounting_{axis}_rad", value, sigma, "rad")
+            report.estimate(case, "dvl", "misalignment", f"angle_{axis}", value, sigma, "rad")
             value, sigma = units[f"bias {axis}"]
             report.estimate(case, f"dvl_{axis}", "bias_constant", "coefficient", value, sigma, "m/s")
         spread = [float(np.std(residual)) for residual in fit.residuals]
@@ -75,7 +75,11 @@ def main():
         report.remark(case, f"standard deviation of the difference {np.round(raw, 4).tolist()} m/s, of what is left "
                       f"{np.round(spread, 4).tolist()} m/s; autoregressions {[np.round(n[0], 2).tolist() for n in fit.noise]}")
         # What is right of the log as an instrument, and of its axes.
-        report.allow(case, "dvl", "time_delay", "lever_arm")
+        report.require(case, "dvl", "time_delay")
+        report.require(case, "dvl", "lever_arm")
+        for axis in "xyz":
+            report.allow(case, f"dvl_{axis}", "noise_white", "noise_markov", "noise_random_walk", "noise_flicker", "noise_exp_cos",
+                         "noise_variance_step", "noise_outliers", "noise_angle_quantisation")
         for row in report.case(case)["estimates"]:
             if row["gain_nats"] > 6 and row["effect"] in ("scale_factor", "misalignment", "bias_constant"):
                 report.allow(case, row["sensor"], row["effect"])

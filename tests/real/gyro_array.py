@@ -69,7 +69,7 @@ def main():
                     first, last = table.t_s[hits].iloc[[0, -1]]
                     report.estimate(whole, name, "output_saturated", "limit", LIMIT / 16.4, 0.1, "deg/s", gain=float(hits.sum()),
                                     rows=int(hits.sum()), interval_s=[float(first), float(last)])
-                    report.allow(whole, name, "output_saturated")
+                    report.require(whole, name, "output_saturated")
                     # Fast motion shows what is proportional to rates squared, changes of rate, and timing.
                     report.allow(whole, name, "time_delay", "bandwidth_lag", "angular_acceleration", "scale_factor_quadratic",
                                  "scale_factor_cubic", "scale_factor_odd_quadratic", "scale_factor_asymmetry", "noise_outliers")

@@ -96,12 +96,14 @@ def main():
                 X += [lever.transpose(0, 2, 1) @ axis] if kind == "accelerometer" else []
                 stacked.append((y, np.column_stack([*X, own])))
             fit = Fit(stacked, ORDER)
-            what = [("time_delay", "delay_s", "s")] + [("misalignment", f"mounting_{a}_rad", "rad") for a in "xyz"]
+            what = [("time_delay", "delay_s", "s")] + [("misalignment", f"angle_{a}", "rad") for a in "xyz"]
             what += [("lever_arm", f"arm_{a}_m", "m") for a in "xyz"] if kind == "accelerometer" else []
             for (effect, parameter, unit), value, sigma in zip(what, fit.coefficients, fit.sigmas):
                 report.estimate(case, group, effect, parameter, value, sigma, unit, of=kind)
                 if 0.5 * (value / sigma) ** 2 > 6:
                     report.allow(case, group, effect)
+                if 0.5 * (value / sigma) ** 2 > 500 and [group, effect] not in report.case(case)["required"]:
+                    report.require(case, group, effect)
     report.print()
 
 

@@ -42,8 +42,11 @@ def main():
                 report.allow(case, name, "scale_factor", "misalignment", "scale_factor_quadratic", "scale_factor_asymmetry")
                 report.allow(case, "imu", "misalignment", "scale_factor")
             else:
+                report.require(case, name, "bias_constant")
                 # A few hundredths of deg/s between poses, as large as the drift of the bias over a minute.
                 report.allow(case, name, "g_mass_unbalance", "g_quadrature", "g_spin", "bias_step", "bias_drift_linear")
+        if prefix == "a":
+            report.require(case, "az", "scale_factor")
         report.remark(case, f"{prefix}: left {np.round(left.std(axis=0), 3).tolist()} {unit}")
     # One turn of 360 deg about each axis, of which the start and end are marked by hand.
     bias = table[table.part.isin(poses)][["gyr_x", "gyr_y", "gyr_z"]].mean().to_numpy()
