@@ -117,8 +117,8 @@ class Report:
         names.extend(effect for effect in effects if effect not in names)
 
     def require(self, case, sensor, effect):
-        """What is beyond doubt: an explanation without it is not one."""
-        self.allow(case, sensor, effect)
+        """What is beyond doubt, by one of its names (a|b): an explanation without it is not one."""
+        self.allow(case, sensor, *effect.split("|"))
         self.case(case)["required"].append([sensor, effect])
 
     def remark(self, case, text):

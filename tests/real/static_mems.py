@@ -32,7 +32,7 @@ def main():
                 # A line that wanders is a narrow exponential-cosine.
                 extra = [("exp_cos", [0.3 * np.std(column), 0.003, 2 * np.pi * frequency])]
                 report.allow(case, name, "periodic_line", "noise_exp_cos")
-                report.require(case, name, "noise_exp_cos")
+                report.require(case, name, "periodic_line|noise_exp_cos")
             best = structures(column, step, extra)
             score, structure, parts, likelihood, parameters, deviations = best[0]
             gain = likelihood - [row for row in best if row[1] == "white"][0][3]
