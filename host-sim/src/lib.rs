@@ -8,6 +8,7 @@
 //! | [`flight`] | case in, module flown, outputs summed up |
 //! | [`identify`] | noise structure, Allan deviation and autocorrelation of each sensor of a recording |
 //! | [`plot`] | figures as SVG and PNG |
+//! | [`report`] | an explanation as text, figures and an HTML page |
 //! | [`statistics`] | tests of innovations |
 //! | [`command`] | the command's arguments, texts and progress |
 //! | [`emulator`] | the flight module behind one interface: in this process, or on the emulated target |
@@ -25,6 +26,7 @@ pub mod identify;
 pub mod output;
 pub mod physics;
 pub mod plot;
+pub mod report;
 pub mod scenario;
 pub mod simulation;
 pub mod statistics;

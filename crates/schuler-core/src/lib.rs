@@ -8,6 +8,7 @@
 //! | [`isolation`] | which of five gyros has failed, and the rate from the healthy ones |
 //! | [`thermal`] | temperature and its rate from quantised readings; compensation of the sensors' thermal errors |
 //! | [`health`] | whether a radio sensor's mean has shifted or its noise has grown, against an inertial one |
+//! | [`compensation`] | the inputs corrected by a loaded block of coefficients |
 //! | [`module`] | the one fixed step that strings them together |
 //!
 //! No heap, no panic, no unsafe, no loop whose length depends on the data. Inside, everything is in SI units
@@ -18,6 +19,7 @@
 //! implements one names it, and so does its test.
 #![no_std]
 
+pub mod compensation;
 pub mod config;
 pub mod filter;
 pub mod health;

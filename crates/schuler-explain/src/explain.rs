@@ -3,9 +3,11 @@ use rayon::prelude::*;
 use schuler_recording::Recording;
 use thiserror::Error;
 
+use crate::arrays::arrays;
 use crate::catalogue::{CATALOGUE, Candidate, Search, Target};
 use crate::description::{Term, sensors_of};
 use crate::equivalence::{alternatives, class, target_name};
+use crate::evidence::CaseArrays;
 use crate::explanation::{Evidence, Explanation, FORMAT, Finding, Fit, NoiseShift, Verdict};
 use crate::hold_out::hold_out;
 use crate::inputs::Inputs;
@@ -81,9 +83,35 @@ pub fn explain(recording: &Recording, options: &Options) -> Result<Explanation, 
 /// What in the recording or the case leaves nothing to explain.
 pub fn explain_with(
     inputs: &Inputs<'_>,
-    mut candidates: Vec<Candidate>,
+    candidates: Vec<Candidate>,
     options: &Options,
 ) -> Result<Explanation, Error> {
+    explained(inputs, candidates, options, |_, _, _| ()).map(|(explanation, ())| explanation)
+}
+
+/// As [`explain`], with the arrays that show it.
+///
+/// # Errors
+/// As [`explain`].
+pub fn explain_shown(recording: &Recording, options: &Options) -> Result<(Explanation, CaseArrays), Error> {
+    if recording.len() < FEWEST_ROWS {
+        return Err(Error::TooShort { rows: recording.len(), least: FEWEST_ROWS });
+    }
+    let inputs = Inputs::new(recording);
+    let candidates: Vec<Candidate> =
+        CATALOGUE.par_iter().flat_map_iter(|effect| (effect.candidates)(effect, &inputs)).collect();
+    explained(&inputs, candidates, options, |case, selection, findings| {
+        arrays(case, &selection.null, &selection.state, findings)
+    })
+}
+
+/// The explanation, and what `show` makes of the selection behind it.
+fn explained<S>(
+    inputs: &Inputs<'_>,
+    mut candidates: Vec<Candidate>,
+    options: &Options,
+    show: impl FnOnce(&Case<'_>, &Selection<'_>, &[Finding]) -> S,
+) -> Result<(Explanation, S), Error> {
     let recording = inputs.recording;
     if recording.len() < FEWEST_ROWS {
         return Err(Error::TooShort { rows: recording.len(), least: FEWEST_ROWS });
@@ -126,7 +154,8 @@ pub fn explain_with(
     let fit = if options.hold_out { hold_out(&case, &selection.null, &selection.state) } else { Fit::default() };
     let mut notes = recording.warnings.clone();
     notes.extend(model.notes.iter().cloned());
-    Ok(Explanation { format: FORMAT, verdict, findings, fit, located, remainder, notes })
+    let shown = show(&case, &selection, &findings);
+    Ok((Explanation { format: FORMAT, verdict, findings, fit, located, remainder, notes }, shown))
 }
 
 /// Whether a candidate acts on anything that is compared.

@@ -51,11 +51,32 @@ fn parts(rows: usize, gap: usize) -> Vec<Part> {
         .collect()
 }
 
+/// The blocks held out, s from the start of the recording.
+pub fn held_out_s(case: &Case<'_>, after: &State) -> Vec<[f64; 2]> {
+    let parts = parts_of(case.model, after);
+    let mut row = 0;
+    let mut blocks = Vec::new();
+    for block in parts.chunk_by(|a, b| a == b) {
+        let from = row;
+        row += block.len();
+        if block.first() == Some(&Part::HeldOut)
+            && let (Some(start), Some(end)) = (case.time_s.get(from), case.time_s.get(row - 1))
+        {
+            blocks.push([*start, end + case.model.step_s]);
+        }
+    }
+    blocks
+}
+
+fn parts_of(model: &Model, after: &State) -> Vec<Part> {
+    let longest_s = after.noises.iter().map(Noise::correlation_time_s).fold(0.0, f64::max);
+    parts(model.rows, (longest_s / model.step_s).min(1e9) as usize)
+}
+
 /// Goodness of fit of `after` against `before`, both refitted to a part of the record.
 pub fn hold_out(case: &Case<'_>, before: &State, after: &State) -> Fit {
     let model = case.model;
-    let longest_s = after.noises.iter().map(Noise::correlation_time_s).fold(0.0, f64::max);
-    let parts = parts(model.rows, (longest_s / model.step_s).min(1e9) as usize);
+    let parts = parts_of(model, after);
     let train = masked(model, &parts);
     let train_case = Case { model: &train, candidates: case.candidates, time_s: case.time_s };
     let nominal = model.nominal_noises();

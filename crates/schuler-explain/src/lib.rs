@@ -1,7 +1,10 @@
 //! Why a recording does not look like its simulation.
 
+pub mod arrays;
 pub mod calibration;
 pub mod catalogue;
+pub mod deploy;
+pub mod evidence;
 pub mod explanation;
 pub mod inputs;
 pub mod noise;

@@ -5,11 +5,13 @@
 //! | `simulate` | a scenario → recording, case and truth |
 //! | `fly` | a case → through the flight module |
 //! | `identify` | a case → noise of each sensor |
+//! | `explain` | a case → what its simulation leaves out |
 //! | `demo` | all of it at once, on a flight of its own |
 //!
 //! Results go to standard output, as text or with `--json` as one JSON document; progress and warnings go to standard
 //! error. Exit status: 0 done, 2 bad input (one line: file, line, field, what was expected), 130 stopped, 1 anything else.
 mod demo;
+mod explain;
 mod fly;
 mod identify;
 mod session;
@@ -45,6 +47,8 @@ enum Command {
     Fly(fly::Arguments),
     /// Find structure and parameters of each sensor's noise.
     Identify(identify::Arguments),
+    /// Find where a recording differs from its simulation, and which physics was left out.
+    Explain(explain::Arguments),
     /// Simulate a flight, fly it, and show what the module found.
     Demo(demo::Arguments),
 }
@@ -81,6 +85,7 @@ pub fn main() -> ExitCode {
         Command::Simulate(arguments) => simulate::run(arguments, &session),
         Command::Fly(arguments) => fly::run(arguments, &session),
         Command::Identify(arguments) => identify::run(arguments, &session),
+        Command::Explain(arguments) => explain::run(arguments, &session),
         Command::Demo(arguments) => demo::run(arguments, &session),
     };
     match done {

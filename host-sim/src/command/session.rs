@@ -49,6 +49,21 @@ impl Session {
         Progress { bar, interrupt: &self.interrupt }
     }
 
+    /// A sign on standard error that work of unknown length goes on, until it is dropped.
+    pub(super) fn waiting(&self, label: &str) -> Waiting {
+        let target = if self.quiet {
+            ProgressDrawTarget::hidden()
+        } else {
+            ProgressDrawTarget::stderr_with_hz(REDRAWS)
+        };
+        let style = ProgressStyle::with_template("{msg:<24} {spinner}  {elapsed_precise}");
+        let bar = ProgressBar::with_draw_target(None, target)
+            .with_style(style.unwrap_or_else(|_| ProgressStyle::default_spinner()));
+        bar.set_message(label.to_owned());
+        bar.enable_steady_tick(std::time::Duration::from_millis(1000 / u64::from(REDRAWS)));
+        Waiting(bar)
+    }
+
     /// Warns, one line each, on standard error.
     pub(super) fn warn(warnings: &[String]) {
         for warning in warnings {
@@ -74,6 +89,15 @@ impl Session {
             Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure::Other(error.into())),
             _ => Ok(()),
         }
+    }
+}
+
+/// Work of unknown length.
+pub(super) struct Waiting(ProgressBar);
+
+impl Drop for Waiting {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
     }
 }
 

@@ -154,8 +154,20 @@ impl FaultIsolation {
     /// One sample of the five gyros, rad/s. `readmit`: ground command to take a gyro back; for a gyro that is in
     /// use it restarts the detection. Never panics; the work does not depend on the data.
     pub fn step(&mut self, gyros: &[Reading<f64>; GYROS], readmit: Option<u8>) -> IsolationOutput {
+        self.step_corrected(gyros, &[0.0; GYROS], readmit)
+    }
+
+    /// The same with the known error of each gyro in this sample, rad/s, which is taken off its reading. Range and
+    /// repetition are judged by the readings as they came: a correction that follows the temperature would make a stuck
+    /// gyro move.
+    pub fn step_corrected(
+        &mut self,
+        gyros: &[Reading<f64>; GYROS],
+        errors: &[f64; GYROS],
+        readmit: Option<u8>,
+    ) -> IsolationOutput {
         let mut flags = self.command(readmit);
-        let sample = self.prepare(gyros, &mut flags);
+        let sample = self.prepare(gyros, errors, &mut flags);
 
         // Five gyros: detect and isolate, and go on until the isolation is final. [FDI-6]
         let open = self.excluded == 0 || self.five.alarm() == Alarm::Isolated;
@@ -259,13 +271,19 @@ impl FaultIsolation {
     }
 
     /// Checks the readings and forms what the detectors need. `[FDI-7]` `[FDI-10]`
-    fn prepare(&mut self, gyros: &[Reading<f64>; GYROS], flags: &mut IsolationFlags) -> Sample {
+    fn prepare(
+        &mut self,
+        gyros: &[Reading<f64>; GYROS],
+        errors: &[f64; GYROS],
+        flags: &mut IsolationFlags,
+    ) -> Sample {
         let input = self.input.check(gyros);
         self.exclude(input.stuck | input.lost);
         let complete = input.usable == ALL;
         let unusable = ALL & !input.usable;
 
-        let mut whitened = SVector::from(input.values).component_mul(&self.inverse_sigma) - self.offset;
+        let values = SVector::from(input.values) - SVector::from(*errors);
+        let mut whitened = values.component_mul(&self.inverse_sigma) - self.offset;
         for (gyro, value) in whitened.iter_mut().enumerate() {
             *value = if unusable >> gyro & 1 == 0 { *value } else { 0.0 };
         }

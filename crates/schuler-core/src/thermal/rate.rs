@@ -70,7 +70,11 @@ impl<F: Scalar> TemperatureRateConfig<F> {
         }
     }
 
-    fn check(&self) -> Result<(), ConfigError> {
+    /// Checks every field.
+    ///
+    /// # Errors
+    /// The first field that cannot be flown.
+    pub fn validate(&self) -> Result<(), ConfigError> {
         let error = |field, problem| Err(ConfigError::new(field, problem));
         if !self.quantum.is_finite() {
             return error("thermal.rate.quantum", Problem::NotFinite);
@@ -205,7 +209,7 @@ impl<F: Scalar> TemperatureRate<F> {
     /// # Errors
     /// The first field that cannot be flown.
     pub fn try_build(config: &TemperatureRateConfig<F>) -> Result<Self, ConfigError> {
-        config.check()?;
+        config.validate()?;
         let zero = F::zero();
         let last = TemperatureRateOutput {
             temperature: zero,
