@@ -5,10 +5,12 @@
 //! | `simulate` | a scenario → recording, case and truth |
 //! | `fly` | a case → through the flight module |
 //! | `identify` | a case → noise of each sensor |
+//! | `campaign` | many cases with concealed effects, scored
 //! | `demo` | all of it at once, on a flight of its own |
 //!
 //! Results go to standard output, as text or with `--json` as one JSON document; progress and warnings go to standard
 //! error. Exit status: 0 done, 2 bad input (one line: file, line, field, what was expected), 130 stopped, 1 anything else.
+mod campaign;
 mod demo;
 mod fly;
 mod identify;
@@ -45,6 +47,8 @@ enum Command {
     Fly(fly::Arguments),
     /// Find structure and parameters of each sensor's noise.
     Identify(identify::Arguments),
+    /// Conceal effects in many cases, look for them, and score what was found.
+    Campaign(campaign::Arguments),
     /// Simulate a flight, fly it, and show what the module found.
     Demo(demo::Arguments),
 }
@@ -81,6 +85,7 @@ pub fn main() -> ExitCode {
         Command::Simulate(arguments) => simulate::run(arguments, &session),
         Command::Fly(arguments) => fly::run(arguments, &session),
         Command::Identify(arguments) => identify::run(arguments, &session),
+        Command::Campaign(arguments) => campaign::run(arguments, &session),
         Command::Demo(arguments) => demo::run(arguments, &session),
     };
     match done {
