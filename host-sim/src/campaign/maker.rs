@@ -50,6 +50,8 @@ const CLOSE: f64 = 1.3;
 const USEFUL: [f64; 2] = [2.0, 1e6];
 /// Parts of an effect that its formula leaves over and that another finding may rightly name, nats.
 const LEFT_OVER_NATS: f64 = 2.0;
+/// Share of an effect's gain that may be foreign to its name.
+const MOST_FOREIGN: f64 = 0.1;
 /// A repeated reading tells at least this much, nats.
 const REPEATED_NATS: f64 = 1.0;
 
@@ -311,7 +313,21 @@ impl<'c> Bench<'c> {
             self.expected(&concealed, size, &signals)
         };
         let useful = (USEFUL[0]..USEFUL[1]).contains(&gain) || concealed.effect == "output_stuck";
-        Ok((useful && size.is_finite()).then_some(Sized { concealed, size, signals, silent }))
+        let sized = Sized { concealed, size, signals, silent };
+        Ok((useful && size.is_finite() && self.is_what_it_is_called(&sized, gain)).then_some(sized))
+    }
+
+    /// Whether the formula by which the effect is called is most of what the physics made of it here; heaters may make a
+    /// gradient that has little to do with the temperature's rate.
+    fn is_what_it_is_called(&self, it: &Sized, gain: f64) -> bool {
+        let views = oracle::views(&self.setting, |id| self.setting.noise_of(id));
+        let truth = it.silent.as_ref().map(|s| &s.truth);
+        it.concealed.parameters.iter().all(|parameter| match (&parameter.rule, truth) {
+            (Rule::Slope(cause), Some(truth)) => {
+                self.slope(it, &views, &cause(truth)).1 < (MOST_FOREIGN * gain).max(LEFT_OVER_NATS)
+            }
+            _ => true,
+        })
     }
 
     fn finish(

@@ -10,19 +10,28 @@
 //! | [`files`] | where cases, answers and results lie
 //! | [`answer`], [`seal`] | what was concealed, and its fingerprint |
 //! | [`unit_text`] | units of parameters |
+//! | [`explainer`], [`explanation`] | who looks, and what is answered |
+//! | [`run`] | every case made, sealed, explained, opened, scored |
+//! | [`score`], [`summary`], [`report`] | what was found against what was concealed |
 //!
 //! The physics comes from [`crate::physics`] and [`crate::simulation`]; nothing here knows the formulas of whoever looks for the
 //! effects, only their identifiers.
 pub mod answer;
 pub mod draw;
 pub mod effect;
+pub mod explainer;
+pub mod explanation;
 pub mod files;
 pub mod likelihood;
 pub mod maker;
 pub mod oracle;
 pub mod plan;
+pub mod report;
+pub mod run;
+pub mod score;
 pub mod seal;
 pub mod setting;
+pub mod summary;
 pub mod unit_text;
 
 /// The seed of a case of a campaign: SplitMix64 (Steele, Lea and Flood 2014) over the campaign's seed and the case's number.

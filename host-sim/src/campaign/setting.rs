@@ -379,6 +379,7 @@ fn accelerometer(
     // A light pendulum in a stiff loop: what its user knows of it is true.
     entry.design.pendulum = Pendulum {
         inertia: 1e-12,
+        hinge: 1e-9,
         servo: 1e3,
         integrator: 2e4,
         integrator_rate: 0.02,
@@ -523,7 +524,7 @@ fn table(most_rows: usize, seed: u64, draw: &mut Draw) -> Setting {
     }
     scenario.motion = Motion::Table { start: Attitude::default(), steps };
     scenario.told = Told::Recorded;
-    let all = strapdown(&mut scenario, 0.3, 15.0, draw);
+    let all = strapdown(&mut scenario, 3.0, 50.0, draw);
     surroundings(&mut scenario, None, draw);
     gaps(&mut scenario, draw);
     Setting { kind: Kind::Table, scenario, noise: all, channel: None }
@@ -638,7 +639,7 @@ fn drive(most_rows: usize, seed: u64, draw: &mut Draw) -> Setting {
         steps,
     });
     scenario.told = Told::Recorded;
-    let all = strapdown(&mut scenario, 5.0, 100.0, draw);
+    let all = strapdown(&mut scenario, 20.0, 200.0, draw);
     surroundings(&mut scenario, None, draw);
     if draw.chance(0.6) {
         scenario.environment.vibration_direction = Vector3::new(draw.normal(), draw.normal(), draw.normal());
