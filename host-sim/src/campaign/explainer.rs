@@ -9,7 +9,7 @@ use anyhow::{Context, Result, bail};
 use serde_json::Value;
 
 /// Takes the path of a case and gives the answer.
-pub type Explainer = dyn Fn(&Path) -> Result<Value> + Sync;
+pub type Explainer<'e> = dyn Fn(&Path) -> Result<Value> + Sync + 'e;
 
 /// Where the path of the case stands in a command line.
 const PLACE: &str = "{case}";
@@ -20,7 +20,7 @@ const STOPPED: i32 = 130;
 ///
 /// # Errors
 /// The program does not know where it lies.
-pub fn standard() -> Result<Box<Explainer>> {
+pub fn standard() -> Result<Box<Explainer<'static>>> {
     let program = std::env::current_exe().context("cannot find this program")?;
     Ok(Box::new(move |case| {
         answer_of(Command::new(&program).arg("explain").arg(case).args(["--json", "--quiet"]))
@@ -31,7 +31,7 @@ pub fn standard() -> Result<Box<Explainer>> {
 ///
 /// # Errors
 /// An empty command line.
-pub fn external(line: &str) -> Result<Box<Explainer>> {
+pub fn external(line: &str) -> Result<Box<Explainer<'static>>> {
     let mut words: Vec<String> = line.split_whitespace().map(str::to_owned).collect();
     if words.is_empty() {
         bail!("found an empty command line; expected a program that explains a case");

@@ -146,12 +146,12 @@ pub fn picture(title: &str, scores: &[CaseScore], bars: &Bars) -> Plot {
     }
     let panel = panel.band("interval", &x, lower, upper, Colour::Sky).line("share", &x, share, Colour::Blue);
     let panel = match logistic(&points) {
-        Some(([a, b], _)) => {
+        Some(([a, b], _)) if b > 0.0 => {
             let at: Vec<f64> = (0..=CURVE).map(|k| low + (high - low) * k as f64 / CURVE as f64).collect();
             let curve = at.iter().map(|x| 1.0 / (1.0 + (-a - b * x).exp())).collect();
             panel.line("logistic fit", &at, curve, Colour::Red)
         }
-        None => panel,
+        _ => panel,
     };
     let bar = bars.half_nats.log10();
     let panel = panel

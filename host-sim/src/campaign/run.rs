@@ -97,7 +97,7 @@ impl Campaign<'_> {
     /// the same.
     pub fn run(
         &self,
-        explainer: &Explainer,
+        explainer: &Explainer<'_>,
         done: &(dyn Fn(&CaseScore) + Sync),
         check: &(dyn Fn() -> Result<(), Interrupted> + Sync),
     ) -> Result<Vec<CaseScore>, Ended> {
@@ -134,7 +134,7 @@ impl Campaign<'_> {
     fn case(
         &self,
         index: usize,
-        explainer: &Explainer,
+        explainer: &Explainer<'_>,
         check: &(dyn Fn() -> Result<(), Interrupted> + Sync),
     ) -> Result<CaseScore, Ended> {
         let Some(group) = self.plan.plan.group(index) else {

@@ -318,9 +318,23 @@ pub fn logistic(points: &[(f64, bool)]) -> Option<([f64; 2], [[f64; 2]; 2])> {
 
 /// The gain at which half are found, nats, with its interval; pairs are logarithm of the gain and whether it was found.
 fn half_point(pairs: &[(f64, bool)], confidence: f64) -> (f64, [f64; 2]) {
-    let Some(([a, b], covariance)) = logistic(pairs) else { return (f64::NAN, [0.0, f64::INFINITY]) };
+    let gains = pairs.iter().map(|(x, _)| x.exp());
+    if pairs.is_empty() {
+        return (f64::NAN, [0.0, f64::INFINITY]);
+    }
+    if pairs.iter().all(|(_, found)| *found) {
+        // Somewhere below all of them.
+        let least = gains.fold(f64::INFINITY, f64::min);
+        return (least, [0.0, least]);
+    }
+    if pairs.iter().all(|(_, found)| !found) {
+        let most = gains.fold(0.0, f64::max);
+        return (most, [most, f64::INFINITY]);
+    }
+    let unknown = (f64::NAN, [0.0, f64::INFINITY]);
+    let Some(([a, b], covariance)) = logistic(pairs) else { return unknown };
     if b <= 0.0 {
-        return (f64::INFINITY, [0.0, f64::INFINITY]);
+        return unknown;
     }
     let at = -a / b;
     // Delta method: d(−a/b) = −da/b + a db/b².
