@@ -6,10 +6,12 @@
 //! | `fly` | a case → through the flight module |
 //! | `identify` | a case → noise of each sensor |
 //! | `explain` | a case → what its simulation leaves out |
+//! | `campaign` | many cases with concealed effects, scored |
 //! | `demo` | all of it at once, on a flight of its own |
 //!
 //! Results go to standard output, as text or with `--json` as one JSON document; progress and warnings go to standard
 //! error. Exit status: 0 done, 2 bad input (one line: file, line, field, what was expected), 130 stopped, 1 anything else.
+mod campaign;
 mod demo;
 mod explain;
 mod fly;
@@ -49,6 +51,8 @@ enum Command {
     Identify(identify::Arguments),
     /// Find where a recording differs from its simulation, and which physics was left out.
     Explain(explain::Arguments),
+    /// Conceal effects in many cases, look for them, and score what was found.
+    Campaign(campaign::Arguments),
     /// Simulate a flight, fly it, and show what the module found.
     Demo(demo::Arguments),
 }
@@ -86,6 +90,7 @@ pub fn main() -> ExitCode {
         Command::Fly(arguments) => fly::run(arguments, &session),
         Command::Identify(arguments) => identify::run(arguments, &session),
         Command::Explain(arguments) => explain::run(arguments, &session),
+        Command::Campaign(arguments) => campaign::run(arguments, &session),
         Command::Demo(arguments) => demo::run(arguments, &session),
     };
     match done {

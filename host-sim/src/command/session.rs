@@ -113,6 +113,11 @@ impl Progress<'_> {
         self.bar.set_position(steps as u64);
     }
 
+    /// An error once the user wants to stop.
+    pub(super) fn check(&self) -> Result<(), Interrupted> {
+        self.interrupt.check()
+    }
+
     /// Notes the steps done.
     pub(super) fn at(&self, step: usize) -> Result<(), Interrupted> {
         if step.is_multiple_of(STRIDE) {
