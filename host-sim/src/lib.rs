@@ -16,7 +16,6 @@
 //! | [`campaign`] | cases with concealed effects, sealed answers, and how well they are found
 //! | [`compare_isolation`] | every way of isolating a gyro against the optimum |
 //! | [`calibration_table`] | a calibration experiment on a one-axis table at changing temperature |
-//! | [`compare_isolation`] | the isolation methods against the optimum |
 
 pub mod calibration_table;
 pub mod campaign;

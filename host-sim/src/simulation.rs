@@ -745,6 +745,7 @@ fn case(scenario: &Scenario) -> Case {
         motion,
         schuler_loop: scenario.schuler_loop.as_ref().map(|entry| entry.nominal),
         sensors: sensors(scenario),
+        calibration: None,
         auxiliaries: auxiliaries(scenario),
     }
 }

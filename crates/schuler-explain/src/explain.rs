@@ -126,7 +126,8 @@ fn explained<S>(
     let noises = model.nominal_noises();
     for block in &model.blocks {
         if block.filter(&noises).is_none() {
-            let names: Vec<&str> = block.sources.iter().map(|&source| model.sources[source].name.as_str()).collect();
+            let names: Vec<&str> =
+                block.sources.iter().map(|&source| model.sources[source].name.as_str()).collect();
             return Err(Error::Singular {
                 sensor: names.join(", "),
                 what: "its variance must be positive and its parts not too many".to_owned(),
@@ -151,7 +152,8 @@ fn explained<S>(
         (false, false) => Verdict::Explained,
         (false, true) => Verdict::PartlyExplained,
     };
-    let fit = if options.hold_out { hold_out(&case, &selection.null, &selection.state) } else { Fit::default() };
+    let fit =
+        if options.hold_out { hold_out(&case, &selection.null, &selection.state) } else { Fit::default() };
     let mut notes = recording.warnings.clone();
     notes.extend(model.notes.iter().cloned());
     let shown = show(&case, &selection, &findings);
@@ -165,7 +167,8 @@ fn acts(model: &Model, candidate: &Candidate) -> bool {
         Search::Grid { parameters, .. } => parameters.iter().all(|parameter| !parameter.grid.is_empty()),
         _ => !candidate.amplitudes.is_empty(),
     };
-    let reached = sensors_of(candidate).iter().any(|&sensor| model.source_of(sensor, candidate.port).is_some());
+    let reached =
+        sensors_of(candidate).iter().any(|&sensor| model.source_of(sensor, candidate.port).is_some());
     let whole = match (&candidate.search, &candidate.target) {
         // What is searched at every time or frequency is of one sensor.
         (Search::Onset(_) | Search::Frequency | Search::Noise(_), Target::Group { .. }) => false,
@@ -193,7 +196,8 @@ fn estimate_unknown(model: &mut Model) -> Vec<SourceKnob> {
         } else {
             *differences.select_nth_unstable_by(middle, f64::total_cmp).1
         };
-        let largest = block.data.iter().filter(|value| value.is_finite()).fold(0.0_f64, |a, b| a.max(b.abs()));
+        let largest =
+            block.data.iter().filter(|value| value.is_finite()).fold(0.0_f64, |a, b| a.max(b.abs()));
         // Median of |difference| of normal values: 0.6745 √2 σ.
         let white = (median / 0.954).max(1e-6 * largest).max(f64::MIN_POSITIVE.sqrt());
         model.sources[index].nominal.white = white;

@@ -31,7 +31,7 @@ pub struct ColouredNoise<T> {
 }
 
 impl<T: RealField + Copy> ColouredNoise<T> {
-    /// Level 2ασ² of each of the two white noises.
+    /// Level 2ασ² of each of the two white noises. [FIL-17]
     fn spectral_level(&self) -> T {
         real::<T>(2.0) * self.alpha * self.sigma * self.sigma
     }
@@ -294,8 +294,14 @@ impl<T: RealField + Copy> Kernel<T> for ColouredGaussian<T> {
             [_, _, _, _, ww, wx],
             [.., xx],
         ] = self.covariance;
-        let [_, [_, prior_d, ..], [_, _, prior_a, ..], [_, _, _, prior_b, ..], [.., prior_w, _], [.., prior_x]] =
-            prior.covariance;
+        let [
+            _,
+            [_, prior_d, ..],
+            [_, _, prior_a, ..],
+            [_, _, _, prior_b, ..],
+            [.., prior_w, _],
+            [.., prior_x],
+        ] = prior.covariance;
         let [_, most_d, most_a, most_w] = most.variance;
         let vv = select(restart.condition, restart.velocity_variance, vv);
         let [vd, va, vb, vw, vx] =
@@ -336,7 +342,7 @@ mod tests {
     };
 
     #[test]
-    fn fil_16_rotation_and_driving_noise_keep_the_variance_and_give_the_autocorrelation() {
+    fn fil_16_fil_17_rotation_and_driving_noise_keep_the_variance_and_give_the_autocorrelation() {
         let noise = ColouredNoise { sigma: 1.0, alpha: 1.0 / 600.0, beta: core::f64::consts::TAU / 1800.0 };
         let gyro = ColouredNoise::from(&CONFIG.gyro);
         let model = ColouredModel::exact(&CONFIG, &noise, &gyro, 10.0);

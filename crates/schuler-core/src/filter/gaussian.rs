@@ -41,7 +41,7 @@ impl<T: RealField + Copy> Kernel<T> for Gaussian<T> {
         [self.covariance[0], self.covariance[4], self.covariance[7], self.covariance[9]]
     }
 
-    /// x ← Φx, P ← ΦPΦᵀ + Q.
+    /// x ← Φx, P ← ΦPΦᵀ + Q. [FIL-6]
     ///
     /// With Φ = [A B; 0 D] and P = [L C; Cᵀ S], all of them 2×2, D diagonal, and N = AC + BS:
     /// ΦPΦᵀ = [ALAᵀ + NBᵀ + B(AC)ᵀ, ND; ·, DSD].
@@ -50,12 +50,8 @@ impl<T: RealField + Copy> Kernel<T> for Gaussian<T> {
         let [v, d, a, w] = self.mean;
         let ([a11, a12, b11, b12], [a21, a22, b21, b22]) = (model.velocity, model.vertical);
         let [da, dw] = model.decay;
-        self.mean = [
-            a11 * v + a12 * d + b11 * a + b12 * w,
-            a21 * v + a22 * d + b21 * a + b22 * w,
-            da * a,
-            dw * w,
-        ];
+        self.mean =
+            [a11 * v + a12 * d + b11 * a + b12 * w, a21 * v + a22 * d + b21 * a + b22 * w, da * a, dw * w];
 
         let [l11, l12, c11, c12, l22, c21, c22, s11, s12, s22] = self.covariance;
         let q = &model.noise;
@@ -82,7 +78,7 @@ impl<T: RealField + Copy> Kernel<T> for Gaussian<T> {
     }
 
     /// With H = [1 0 0 0] the Joseph form is P − K P₁· + (K S − P·₁) Kᵀ; the bracket is the rounding error of
-    /// the gain, and carrying it is what keeps P symmetric and positive.
+    /// the gain, and carrying it is what keeps P symmetric and positive. [FIL-5] [FIL-6]
     #[inline]
     fn correct(&mut self, innovation: &Innovation<T>, used: bool) {
         let s = innovation.variance;
@@ -131,12 +127,8 @@ impl<T: RealField + Copy> Kernel<T> for Gaussian<T> {
         let [_, d, a, w] = self.mean;
         let [_, prior_d, prior_a, prior_w] = prior.mean;
         let [_, most_d, most_a, most_w] = most.mean;
-        self.mean = [
-            restart.velocity,
-            mean(d, prior_d, most_d),
-            mean(a, prior_a, most_a),
-            mean(w, prior_w, most_w),
-        ];
+        self.mean =
+            [restart.velocity, mean(d, prior_d, most_d), mean(a, prior_a, most_a), mean(w, prior_w, most_w)];
         let [vv, vd, va, vw, dd, da, dw, aa, aw, ww] = self.covariance;
         let [_, prior_d, prior_a, prior_w] = prior.variances();
         let [_, most_d, most_a, most_w] = most.variance;

@@ -41,10 +41,7 @@ impl<T: RealField + Copy> RateEstimator<T> {
     /// The rate from all gyros, rad/s.
     #[inline]
     pub fn of_all(&self, whitened: &SVector<T, GYROS>) -> Vector3<T> {
-        self.gains
-            .iter()
-            .zip(whitened)
-            .fold(Vector3::zeros(), |rate, (gain, &reading)| rate + gain * reading)
+        self.gains.iter().zip(whitened).fold(Vector3::zeros(), |rate, (gain, &reading)| rate + gain * reading)
     }
 
     /// That rate without the part of a gyro, rad/s: less what the fault puts into it that explains the parity of all.

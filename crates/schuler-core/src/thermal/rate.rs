@@ -1,4 +1,4 @@
-//! Temperature and its rate from a quantised thermometer [TMP-1]..[TMP-7].
+//! Temperature and its rate from a quantised thermometer [TMP-3]..[TMP-7].
 //!
 //! A quantised reading stays the same for minutes; only the instants at which it changes tell the temperature
 //! exactly, because then it equals a known threshold. Those instants are kept in a [`Window`], and a [`Fit`] of
