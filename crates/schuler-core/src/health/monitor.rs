@@ -4,7 +4,7 @@ use nalgebra::{RealField, convert};
 use super::conditional::Conditional;
 use super::config::{AlarmThresholds, HealthConfig};
 use super::output::{Estimate, HealthOutput, HealthStatus};
-use super::recursion::Recursion;
+use super::recursion::{Evidence, Recursion};
 use super::span::{MAX_SPAN_STEPS, SpanLadder};
 use super::verdict::{Findings, HealthAlarms};
 use crate::config::ConfigError;
@@ -103,7 +103,10 @@ impl<T: RealField + Copy, const LEVELS: usize> HealthMonitor<T, LEVELS> {
         state.started &= !restarted;
         let span = self.ladder.span(select(state.started, state.silence, 0));
         let (after, evidence) = before.after(&span, residual, present);
-        let sound = after.is_sound();
+        let told = [evidence.innovation, evidence.variance, evidence.log_likelihood];
+        let sound = told.iter().fold(after.is_sound(), |sound, number| sound & number.is_finite());
+        // What came of numbers that are not sound says nothing.
+        let evidence = *select(sound, &evidence, &Evidence::none());
         let now = *select(sound, &after, &self.priors);
         let used = present & sound & !evidence.out_of_model;
         state.recursion = *select(used | !sound, &now, &before);
@@ -121,7 +124,8 @@ impl<T: RealField + Copy, const LEVELS: usize> HealthMonitor<T, LEVELS> {
         status.set(HealthStatus::RESTARTED, restarted);
         status.set(HealthStatus::NUMERICAL_RESET, !sound);
 
-        let nis = evidence.innovation * evidence.innovation / evidence.variance;
+        let square = evidence.innovation * evidence.innovation;
+        let nis = if evidence.variance > T::zero() { square / evidence.variance } else { T::zero() };
         let mut output = HealthOutput {
             status,
             residual: if present { residual } else { T::zero() },
