@@ -67,7 +67,12 @@ pub(super) fn plain(value: f64, digits: usize) -> String {
 
 /// A probability.
 pub(super) fn probability(p: f64) -> String {
-    if p >= 0.01 { format!("p = {p:.2}") } else { format!("p = {}", plain(p, 1)) }
+    match p {
+        p if p >= 0.01 => format!("p = {p:.2}"),
+        // Smaller than the numbers that it is kept in.
+        p if p < f64::MIN_POSITIVE => "p < 10⁻³⁰⁷".to_owned(),
+        p => format!("p = {}", plain(p, 1)),
+    }
 }
 
 /// A share in per cent.
@@ -172,6 +177,7 @@ mod tests {
     fn very_small_numbers_have_a_power_of_ten() {
         assert_eq!(plain(3.0e-12, 2), "3.0·10⁻¹²");
         assert_eq!(probability(0.2), "p = 0.20");
-        assert_eq!(probability(0.0), "p = 0");
+        assert_eq!(probability(0.0), "p < 10⁻³⁰⁷");
+        assert_eq!(probability(3e-5), "p = 3·10⁻⁵");
     }
 }
