@@ -26,3 +26,4 @@ pub mod hold_out;
 pub mod explain;
 pub mod sentence;
 pub mod locate;
+pub mod readings;
