@@ -97,6 +97,9 @@ fn raised(exponent: i32) -> String {
 
 /// `deg/h/(K/h)` as `°/h per K/h`.
 pub(super) fn printed_unit(unit: &str) -> String {
+    if unit == "1" {
+        return String::new();
+    }
     let split = SENSOR_UNITS.iter().find_map(|of_sensor| {
         let per = unit.strip_prefix(of_sensor)?.strip_prefix('/')?;
         // °/h/√h is one unit, and so is what another sensor unit begins.

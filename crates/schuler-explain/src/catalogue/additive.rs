@@ -12,6 +12,8 @@ use crate::inputs::{Inputs, Place};
 
 /// A drift needs this many rows to be told from a step.
 const LEAST_ROWS: usize = 100;
+/// Least length of a record that shows a warm-up, s.
+const WARMUP_S: f64 = 60.0;
 /// Part of a Schuler period that a record must have to show the oscillation.
 const SCHULER_PERIODS: f64 = 0.5;
 /// Part of a day that it must have to show the daily one.
@@ -86,6 +88,9 @@ pub(super) const BIAS_WARMUP: Effect = Effect {
     source: "IEEE Std 813 (DTG test procedure), warm-up; IEEE Std 1293 for accelerometers",
     acts_on: any,
     candidates: |effect, inputs| {
+        if inputs.duration_s() < WARMUP_S {
+            return Vec::new();
+        }
         let Some(tau) = time_constant(inputs, 60.0, 6.0 * 3600.0) else { return Vec::new() };
         let since: crate::inputs::Series = inputs.since_switch_on_s().into();
         at_each_instrument_place(effect, inputs, |place| {

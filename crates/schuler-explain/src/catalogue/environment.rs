@@ -4,7 +4,7 @@ use schuler_recording::case::{Quantity, SensorKind};
 
 use super::draft::{
     Draft, G_SQUARED, GAUSS, ITSELF, KILOPASCAL, MILLIRADIAN, Per, Plausible, VOLT, any, at_each_place,
-    coefficient, inertial, time_constant, tuned_gyros,
+    coefficient, gyros, inertial, time_constant, tuned_gyros,
 };
 use super::{Amplitude, Candidate, Effect, Port};
 use crate::inputs::motion::of_rows;
@@ -74,6 +74,9 @@ pub(super) const BIAS_MAGNETIC_FIELD: Effect = Effect {
         }
         let Some(field) = dipole_field(inputs) else { return Vec::new() };
         at_each_place(effect, inputs, |place| {
+            if !gyros(place.kind) {
+                return Vec::new();
+            }
             (["x", "y", "z"].iter().zip(&field))
                 .filter(|(_, values)| varies(values))
                 .map(|(name, values)| {

@@ -13,6 +13,8 @@ use crate::inputs::{Inputs, Place, Series};
 
 /// A dead zone is searched between these parts of the magnitudes of the input.
 const DEAD_ZONE_PARTS: [f64; 2] = [0.005, 0.6];
+/// The smaller of the two must be below this part of the larger, or the input is never small.
+const SMALL_INPUT: f64 = 0.2;
 
 const IEEE_1293: &str =
     "IEEE Std 1293 (model equation of accelerometers), IEEE Std 836 (centrifuge), IEEE Std 1559 (systems)";
@@ -173,6 +175,9 @@ pub(super) const DEAD_ZONE: Effect = Effect {
         at_each_place(effect, inputs, |place| {
             let Some(input) = varying(place).cloned() else { return Vec::new() };
             let [low, high] = DEAD_ZONE_PARTS.map(|part| quantile_of_magnitude(&input, part));
+            if low > SMALL_INPUT * high {
+                return Vec::new();
+            }
             // The least that a grid can start from where the input is often 0.
             let grid = logarithmic(low.max(1e-3 * high), high, 8.0);
             if grid.len() < 2 {

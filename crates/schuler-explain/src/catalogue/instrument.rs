@@ -9,7 +9,7 @@ use super::draft::{Draft, Instrument, any, displaced, gyros, instruments, logari
 use super::input::varying;
 use super::{Candidate, Column, Effect, Nonlinear, Port, Search, Signature, Target};
 use crate::inputs::motion::{of_rows, row_of};
-use crate::inputs::series::{delayed, lagged, varies};
+use crate::inputs::series::{delayed, lagged_smooth, varies};
 use crate::inputs::{Inputs, Place, Series};
 
 /// Delays searched, s.
@@ -63,7 +63,7 @@ pub(super) const BANDWIDTH_LAG: Effect = Effect {
             Nonlinear { name: "tau_s", unit: "s", grid: logarithmic(LEAST_LAG_S, most, PER_DECADE) }
         };
         let signature = |time_s: &[f64], input: &[f64], tau_s: f64| -> Vec<f64> {
-            lagged(time_s, input, tau_s).iter().zip(input).map(|(lagged, now)| lagged - now).collect()
+            lagged_smooth(time_s, input, tau_s).iter().zip(input).map(|(lagged, now)| lagged - now).collect()
         };
         let mut candidates = whole(effect, inputs, parameter, signature);
         // A sensor of a group can also have a lag of its own.

@@ -8,6 +8,8 @@ pub type Series = Arc<[f64]>;
 
 /// A series varies if its standard deviation is more than this part of its root mean square.
 const VARIATION: f64 = 1e-4;
+/// Steps that differ by less than this part are equal.
+const EQUAL_STEPS: f64 = 1e-6;
 /// Both signs occur if each reaches this part of the largest magnitude.
 const BOTH_SIGNS: f64 = 0.05;
 
@@ -104,21 +106,73 @@ pub fn product(left: &[f64], right: &[f64]) -> Vec<f64> {
 pub fn lagged(time_s: &[f64], values: &[f64], tau_s: f64) -> Vec<f64> {
     let Some(&first) = values.first() else { return Vec::new() };
     let (mut state, mut before_s, mut before) = (first, time_s.first().copied().unwrap_or_default(), first);
+    let mut weights = Weights::new(0.0, tau_s);
     time_s
         .iter()
         .zip(values)
         .map(|(&time, &value)| {
-            let step = (time - before_s) / tau_s;
-            if step > 0.0 {
-                let decay = (-step).exp();
-                // Mean of the input over the step, as the lag weighs it; the series avoids 0/0 for small steps.
-                let weight = if step < 1e-4 { 0.5 * step } else { 1.0 - (1.0 - decay) / step };
-                state = decay * state + (1.0 - decay - weight) * before + weight * value;
-            }
+            weights.renew(time - before_s, tau_s);
+            state = weights.decay * state + weights.before * before + weights.now * value;
             (before_s, before) = (time, value);
             state
         })
         .collect()
+}
+
+/// What a lag makes of its state and of an input that is a straight line over a step. Steps are nearly always equal,
+/// and an exponential in every row would be most of the work.
+struct Weights {
+    step_s: f64,
+    decay: f64,
+    before: f64,
+    now: f64,
+}
+
+impl Weights {
+    fn new(step_s: f64, tau_s: f64) -> Self {
+        let step = step_s / tau_s;
+        let decay = (-step).exp();
+        // Weight of the end of the step; the series avoids 0/0 for small steps.
+        let now = if step < 1e-4 { 0.5 * step } else { 1.0 - (1.0 - decay) / step };
+        Self { step_s, decay, before: 1.0 - decay - now, now }
+    }
+
+    fn renew(&mut self, step_s: f64, tau_s: f64) {
+        if (step_s - self.step_s).abs() > EQUAL_STEPS * step_s {
+            *self = Self::new(step_s, tau_s);
+        }
+    }
+}
+
+/// The same for a smooth input and a lag that may be shorter than a step: between rows the input is the cubic with the
+/// values and the [derivatives](derivative) of both, of which a straight line would know only the slope half a step ago.
+pub fn lagged_smooth(time_s: &[f64], values: &[f64], tau_s: f64) -> Vec<f64> {
+    let span_s = time_s.last().zip(time_s.first()).map_or(0.0, |(last, first)| last - first);
+    let step_s = span_s / (time_s.len().max(2) - 1) as f64;
+    // Beyond that the powers of τ cancel badly, and a straight line will do.
+    if tau_s > 20.0 * step_s {
+        return lagged(time_s, values, tau_s);
+    }
+    let Some(&first) = values.first() else { return Vec::new() };
+    let slopes = derivative(time_s, values);
+    let mut state = first;
+    let mut output = vec![first];
+    let mut weights = Weights::new(0.0, tau_s);
+    for row in 1..values.len().min(time_s.len()) {
+        let h = time_s[row] - time_s[row - 1];
+        let (u0, u1, d0, d1) = (values[row - 1], values[row], slopes[row - 1], slopes[row]);
+        // Second and third derivative of Hermite's cubic.
+        let rise = (u1 - u0) / h;
+        let third = 6.0 * (d0 + d1 - 2.0 * rise) / (h * h);
+        let second0 = 2.0 * (3.0 * rise - 2.0 * d0 - d1) / h;
+        let second1 = second0 + third * h;
+        // Particular solution u − τ u' + τ² u'' − τ³ u''' at either end; the rest decays.
+        let particular = |u: f64, d: f64, second: f64| u - tau_s * (d - tau_s * (second - tau_s * third));
+        weights.renew(h, tau_s);
+        state = particular(u1, d1, second1) + (state - particular(u0, d0, second0)) * weights.decay;
+        output.push(state);
+    }
+    output
 }
 
 /// The series as it was `delay_s` before (after, where negative), by cubic interpolation through the four rows
@@ -154,6 +208,16 @@ fn cubic(time_s: &[f64], values: &[f64], place: usize, wanted: f64) -> Option<f6
         Some((time_s.get(first..place + 3)?.try_into().ok()?, values.get(first..place + 3)?.try_into().ok()?))
     });
     let Some((times, nodes)): Option<(&[f64; 4], &[f64; 4])> = around else { return Some(line) };
+    let step_s = next - at;
+    let equal = |other_s: f64| (other_s - step_s).abs() < EQUAL_STEPS * step_s;
+    if equal(at - times[0]) && equal(times[3] - next) {
+        let x = (wanted - at) / step_s;
+        let (x1, x2, x3) = (x + 1.0, x - 1.0, x - 2.0);
+        return Some(
+            (x1 * x * (nodes[3] * x2 - 3.0 * nodes[2] * x3) + x2 * x3 * (3.0 * nodes[1] * x1 - nodes[0] * x))
+                / 6.0,
+        );
+    }
     let mut sum = 0.0;
     for (i, &node) in nodes.iter().enumerate() {
         let mut weight = 1.0;
@@ -226,6 +290,21 @@ mod tests {
         for (time, output) in time_s.iter().zip(&output) {
             // y = t − τ (1 − e^(−t/τ)), exact for a ramp.
             assert!((output - (time - 30.0 * (1.0 - (-time / 30.0).exp()))).abs() < 1e-9, "at {time} s");
+        }
+    }
+
+    #[test]
+    fn a_lag_shorter_than_a_step_takes_the_slope_of_now() {
+        let omega = 0.5;
+        let time_s = times(200, 1.0);
+        let values = map(&time_s, |t| (omega * t).sin());
+        for tau in [0.001, 0.1, 0.5, 2.0] {
+            let x = omega * tau;
+            let exact = |t: f64| ((omega * t).sin() - x * (omega * t).cos()) / (1.0 + x * x);
+            let output = lagged_smooth(&time_s, &values, tau);
+            let error = (30..190).map(|row| (output[row] - exact(time_s[row])).abs()).fold(0.0, f64::max)
+                / (x / (1.0 + x * x).sqrt());
+            assert!(error < 0.01, "τ {tau} s: off by {error} of the effect");
         }
     }
 

@@ -26,6 +26,8 @@ const DISTINCT_VALUES: f64 = 0.25;
 const MOST_DISTINCT: usize = 20_000;
 /// How far a difference of two levels may be from a whole number of steps, in steps.
 const STEP_TOLERANCE: f64 = 0.02;
+/// Readings without steps of which fewer than this part differ from the one before are held from sample to sample.
+const HELD: f64 = 0.5;
 /// Readings beyond which those of a record without steps are averaged in blocks to find the noise.
 const MOST_READINGS: usize = 20_000;
 
@@ -153,10 +155,18 @@ fn estimate(time_s: &[f64], readings: &[f64], step: f64) -> Option<Smoothed> {
             .map(|(measurements, process, _)| (measurements, process))?;
         return Some(smooth(time_s, &measurements, process, scale));
     }
+    let rows =
+        if step == 0.0 && changes < HELD * values.len() as f64 { fresh(readings, &rows) } else { rows };
     let (process, variance) = noise_of(time_s, readings, &rows, step, scale);
     let measurements: Vec<Measurement> =
         rows.iter().map(|&row| Measurement { row, before_s: 0.0, value: readings[row], variance }).collect();
     Some(smooth(time_s, &measurements, process, scale))
+}
+
+/// The rows in which a thermometer that is read less often than the rows has a new value.
+fn fresh(readings: &[f64], rows: &[usize]) -> Vec<usize> {
+    let changed = rows.windows(2).filter(|pair| readings[pair[0]] != readings[pair[1]]).map(|pair| pair[1]);
+    rows.first().copied().into_iter().chain(changed).collect()
 }
 
 /// Thresholds crossed, and readings that stay.
@@ -351,6 +361,61 @@ mod tests {
                 assert!(raw < 0.2, "the raw difference should be useless: {raw}");
             }
         }
+    }
+
+    /// A chamber that is switched between ramps and soaks, felt through a wall of 600 s.
+    fn chamber(time_s: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let knots =
+            [(0.0, 20.0), (5400.0, 20.0), (10_800.0, 50.0), (14_400.0, 50.0), (21_600.0, 10.0), (1e9, 10.0)];
+        let outside = series::map(time_s, |t| {
+            let next = knots.iter().position(|&(at, _)| at > t).unwrap();
+            let ((t0, a), (t1, b)) = (knots[next - 1], knots[next]);
+            a + (b - a) * (t - t0) / (t1 - t0)
+        });
+        let inside = series::lagged(time_s, &outside, 600.0);
+        let rate = outside.iter().zip(&inside).map(|(outside, inside)| (outside - inside) / 600.0).collect();
+        (inside, rate)
+    }
+
+    #[test]
+    fn a_coefficient_on_the_rate_is_right_where_heating_is_switched() {
+        let time_s: Vec<f64> = (0..28_800).map(f64::from).collect();
+        let (temperature, rate) = chamber(&time_s);
+        for (step, noise) in [
+            (0.0625, 0.0),
+            (0.0625, 0.006),
+            (0.0625, 0.03),
+            (0.25, 0.0),
+            (0.25, 0.05),
+            (1.0, 0.0),
+            (0.0, 0.05),
+        ] {
+            let readings = quantised(&temperature, step, noise, 11);
+            let thermometer = Thermometer::new("t", None, None, &time_s, &readings).unwrap();
+            let error: Vec<f64> = rate.iter().zip(&*thermometer.rate).map(|(t, e)| t - e).collect();
+            let found = slope(&rate, &thermometer.rate);
+            println!(
+                "chamber: step {step} K, noise {noise} K: slope {found:.4}, error {:.3} of {:.3} K/h, said {:.3}",
+                3600.0 * series::rms(&error),
+                3600.0 * series::deviation(&rate),
+                3600.0 * series::mean(&thermometer.rate_variance).sqrt()
+            );
+            assert!((found - 1.0).abs() < 0.05, "step {step}, noise {noise}: {found}");
+        }
+    }
+
+    #[test]
+    fn a_thermometer_read_less_often_than_the_rows_is_not_a_staircase() {
+        let time_s: Vec<f64> = (0..86_400).map(f64::from).collect();
+        let (temperature, rate) = daily(&time_s);
+        let mut readings = quantised(&temperature, 0.0, 0.005, 5);
+        for row in 0..readings.len() {
+            readings[row] = readings[row - row % 60];
+        }
+        let thermometer = Thermometer::new("t", None, None, &time_s, &readings).unwrap();
+        let error: Vec<f64> = rate.iter().zip(&*thermometer.rate).map(|(t, e)| t - e).collect();
+        assert!((slope(&rate, &thermometer.rate) - 1.0).abs() < 0.01);
+        assert!(series::rms(&error) < 0.05 * series::deviation(&rate));
     }
 
     #[test]
