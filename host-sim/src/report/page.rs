@@ -297,7 +297,6 @@ fn about(report: &Report) -> Markup {
             h2 #about-title { "Notes" }
             ul {
                 @for note in &report.explanation.notes { li { (note) } }
-                @for warning in &report.recorded.warnings { li { (warning) } }
                 li {
                     "Residual: recorded output less what the case's nominal model predicts. Innovation: what a reading \
                      adds to its prediction from all earlier ones. Before: with the noise fitted and no finding; after: \
