@@ -34,6 +34,12 @@ impl Term {
         }
     }
 
+    /// The same term at other values of its non-linear parameters.
+    #[must_use]
+    pub fn at(&self, candidate: &Candidate, nonlinear: &[f64], time_s: &[f64]) -> Self {
+        if nonlinear.is_empty() { self.clone() } else { Self::new(self.candidate, candidate, nonlinear, time_s) }
+    }
+
     /// Number of amplitudes that are estimated.
     pub fn amplitudes(&self) -> usize {
         if self.unit_amplitude { 0 } else { self.columns.len() }

@@ -4,17 +4,18 @@ use schuler_recording::Recording;
 use thiserror::Error;
 
 use crate::arrays::arrays;
-use crate::catalogue::{CATALOGUE, Candidate, Search, Target};
+use crate::catalogue::{CATALOGUE, Candidate, Port, ReadingFault, Search, Target};
 use crate::description::{Term, sensors_of};
 use crate::equivalence::{alternatives, class, target_name};
 use crate::evidence::CaseArrays;
-use crate::explanation::{Evidence, Explanation, FORMAT, Finding, Fit, NoiseShift, Verdict};
+use crate::explanation::{Evidence, Explanation, FORMAT, Finding, Fit, NoiseShift, Parameter, Verdict};
 use crate::hold_out::hold_out;
 use crate::inputs::Inputs;
 use crate::locate;
 use crate::noise::{Knob, Noise};
 use crate::noise_fit::SourceKnob;
 use crate::nominal::{FEWEST_ROWS, Model};
+use crate::readings::{Fault, faults};
 use crate::refit::parameters;
 use crate::search::Family;
 use crate::select::{Item, Selection, Shown, select};
@@ -119,15 +120,17 @@ fn explained<S>(
     if !(options.level > 0.0 && options.level < 1.0) {
         return Err(Error::Level(options.level.to_string()));
     }
-    let masked = vec![Vec::new(); recording.sensors.len()];
-    let mut model = Model::new(recording, &masked).map_err(Error::NothingToCompare)?;
+    let unmasked = Model::new(recording, &[]).map_err(Error::NothingToCompare)?;
+    let (faults, masked) = faults(recording, &unmasked);
+    let mut model =
+        if faults.is_empty() { unmasked } else { Model::new(recording, &masked).map_err(Error::NothingToCompare)? };
+    account_for_lattices(&mut model, &faults);
     candidates.retain(|candidate| acts(&model, candidate));
     let nuisances = estimate_unknown(&mut model);
     let noises = model.nominal_noises();
     for block in &model.blocks {
         if block.filter(&noises).is_none() {
-            let names: Vec<&str> =
-                block.sources.iter().map(|&source| model.sources[source].name.as_str()).collect();
+            let names: Vec<&str> = block.sources.iter().map(|&source| model.sources[source].name.as_str()).collect();
             return Err(Error::Singular {
                 sensor: names.join(", "),
                 what: "its variance must be positive and its parts not too many".to_owned(),
@@ -143,7 +146,9 @@ fn explained<S>(
         log_likelihood: f64::NEG_INFINITY,
     };
     let mut selection = select(&case, &start, options.level);
-    let findings = findings(&case, &mut selection);
+    let mut findings = findings(&case, &mut selection);
+    findings.extend(of_readings(recording, &case, &selection.family, &faults, options.level));
+    findings.sort_by(|a, b| b.evidence.gain_nats.total_cmp(&a.evidence.gain_nats));
     let located = locate::locate(&case, &selection.null, inputs);
     let (left, remainder) = locate::left(&case, &selection.state, inputs);
     let verdict = match (findings.is_empty(), left) {
@@ -152,12 +157,74 @@ fn explained<S>(
         (false, false) => Verdict::Explained,
         (false, true) => Verdict::PartlyExplained,
     };
-    let fit =
-        if options.hold_out { hold_out(&case, &selection.null, &selection.state) } else { Fit::default() };
+    let fit = if options.hold_out { hold_out(&case, &selection.null, &selection.state) } else { Fit::default() };
     let mut notes = recording.warnings.clone();
     notes.extend(model.notes.iter().cloned());
     let shown = show(&case, &selection, &findings);
     Ok((Explanation { format: FORMAT, verdict, findings, fit, located, remainder, notes }, shown))
+}
+
+/// What is rounded to a lattice has the variance of the rounding.
+fn account_for_lattices(model: &mut Model, faults: &[Fault]) {
+    for fault in faults.iter().filter(|fault| fault.fault == ReadingFault::Quantised) {
+        let step = fault.parameters.first().map_or(0.0, |parameter| parameter.1);
+        for source in model.sources.iter_mut().filter(|s| s.sensor == fault.sensor && s.port == Port::Output) {
+            source.nominal.rounding = step;
+        }
+    }
+}
+
+/// The findings of faults in readings.
+fn of_readings(
+    recording: &Recording,
+    case: &Case<'_>,
+    family: &Family,
+    faults: &[Fault],
+    level: f64,
+) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    for fault in faults {
+        let candidate = case.candidates.iter().find(|candidate| {
+            matches!(candidate.search, Search::Readings(found) if found == fault.fault)
+                && candidate.target == Target::Sensor(fault.sensor)
+                && candidate.port == Port::Output
+        });
+        let Some(candidate) = candidate else { continue };
+        let ln_p = family.ln_p(candidate, fault.evidence);
+        if ln_p > level.ln() {
+            continue;
+        }
+        let Some(series) = recording.sensors.get(fault.sensor) else { continue };
+        let named = target_name(case.model, candidate);
+        let sensor = if named.is_empty() { series.sensor.id.clone() } else { named };
+        let unit = series.written_unit;
+        let at = |row: usize| case.time_s.get(row).copied().unwrap_or_default();
+        let parameters: Vec<Parameter> = (fault.parameters.iter())
+            .map(|&(name, value, in_unit)| {
+                let (value, unit) = match name {
+                    "onset_s" => (at(value as usize), "s"),
+                    _ if in_unit => (value / unit.in_si(), unit.name()),
+                    _ => (value, "1"),
+                };
+                let (value, unit) = (Some(value), Some(unit.to_owned()));
+                Parameter { name: name.to_owned(), value, sigma: None, unit, text: None, plausible: None }
+            })
+            .collect();
+        let interval_s = [at(fault.rows.0), at(fault.rows.1.saturating_sub(1))];
+        let id = candidate.effect.id.to_owned();
+        findings.push(Finding {
+            sentence: sentence(candidate, &sensor, &parameters, interval_s, case.time_s),
+            sensor,
+            class: vec![id.clone()],
+            effect: id,
+            interval_s,
+            parameters,
+            evidence: Evidence { gain_nats: fault.evidence, p_value: ln_p.exp() },
+            noise_shift: Vec::new(),
+            rivals: Vec::new(),
+        });
+    }
+    findings
 }
 
 /// Whether a candidate acts on anything that is compared.
@@ -167,8 +234,8 @@ fn acts(model: &Model, candidate: &Candidate) -> bool {
         Search::Grid { parameters, .. } => parameters.iter().all(|parameter| !parameter.grid.is_empty()),
         _ => !candidate.amplitudes.is_empty(),
     };
-    let reached =
-        sensors_of(candidate).iter().any(|&sensor| model.source_of(sensor, candidate.port).is_some());
+    let reached = sensors_of(candidate).iter().any(|&sensor| model.source_of(sensor, candidate.port).is_some());
+    let reached = reached || matches!(candidate.search, Search::Readings(_));
     let whole = match (&candidate.search, &candidate.target) {
         // What is searched at every time or frequency is of one sensor.
         (Search::Onset(_) | Search::Frequency | Search::Noise(_), Target::Group { .. }) => false,
@@ -196,8 +263,7 @@ fn estimate_unknown(model: &mut Model) -> Vec<SourceKnob> {
         } else {
             *differences.select_nth_unstable_by(middle, f64::total_cmp).1
         };
-        let largest =
-            block.data.iter().filter(|value| value.is_finite()).fold(0.0_f64, |a, b| a.max(b.abs()));
+        let largest = block.data.iter().filter(|value| value.is_finite()).fold(0.0_f64, |a, b| a.max(b.abs()));
         // Median of |difference| of normal values: 0.6745 √2 σ.
         let white = (median / 0.954).max(1e-6 * largest).max(f64::MIN_POSITIVE.sqrt());
         model.sources[index].nominal.white = white;

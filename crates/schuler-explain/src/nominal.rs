@@ -586,6 +586,17 @@ impl Block {
         }
     }
 
+    /// Place of the sensor whose error would look most like a vector of the channels.
+    pub fn nearest(&self, vector: &[f64]) -> usize {
+        let Geometry::Parity(parity) = &self.geometry else { return 0 };
+        let along = |place: usize| {
+            let column = parity.column(place);
+            let dot: f64 = column.iter().zip(vector).map(|(a, b)| a * b).sum();
+            dot.abs() / column.norm().max(1e-12)
+        };
+        (0..self.sensors.len()).max_by(|&a, &b| along(a).total_cmp(&along(b))).unwrap_or_default()
+    }
+
     /// Step, s.
     pub fn step_s(&self) -> f64 {
         self.step_s

@@ -36,7 +36,7 @@ pub fn of_term(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter> {
         .map(|(_, term)| term.clone())
         .collect();
     let bench = Bench::new(case, &others, &state.noises);
-    let at = |point: &[f64]| Term::new(term.candidate, candidate, point, case.time_s);
+    let at = |point: &[f64]| term.at(candidate, point, case.time_s);
     let profile = |point: &[f64]| bench.with_term(&at(point));
     let (gain, solution) = profile(&term.nonlinear);
     let first = bench.solution.amplitudes.len();

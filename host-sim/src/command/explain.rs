@@ -50,7 +50,6 @@ struct Answer<'r> {
 
 pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failure> {
     let recording = Recording::of_case(CaseFile::read(&arguments.case)?)?;
-    Session::warn(&recording.warnings);
     let waiting = session.waiting("explaining");
     let (explanation, arrays) = explain_shown(&recording, &Options::default())
         .map_err(|error| Error::one(&arguments.case, Problem::of_file(error.to_string())))?;

@@ -101,9 +101,10 @@ fn findings(report: &Report) -> Markup {
 
 fn finding(report: &Report, index: usize, it: &Finding) -> Markup {
     let others: Vec<&String> = it.class.iter().filter(|other| **other != it.effect).collect();
-    let shown = report.evidence.sensors.iter().position(|sensor| {
-        sensor.sensor == it.sensor || sensor.dependences.iter().any(|dependence| dependence.finding == index)
-    });
+    // A finding of the noise adds to no sensor.
+    let sensors = &report.evidence.sensors;
+    let shown = sensors.iter().position(|sensor| sensor.findings.contains(&index));
+    let shown = shown.or_else(|| sensors.iter().position(|sensor| sensor.sensor == it.sensor));
     html! {
         article.finding {
             h3 { (words::finding(it, report.recorded.length_s)) }
@@ -296,7 +297,6 @@ fn about(report: &Report) -> Markup {
             h2 #about-title { "Notes" }
             ul {
                 @for note in &report.explanation.notes { li { (note) } }
-                @for warning in &report.recorded.warnings { li { (warning) } }
                 li {
                     "Residual: recorded output less what the case's nominal model predicts. Innovation: what a reading \
                      adds to its prediction from all earlier ones. Before: with the noise fitted and no finding; after: \
