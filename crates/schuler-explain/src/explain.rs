@@ -18,7 +18,7 @@ use crate::nominal::{FEWEST_ROWS, Model};
 use crate::readings::{Fault, faults};
 use crate::refit::parameters;
 use crate::search::Family;
-use crate::select::{Item, Selection, Shown, select};
+use crate::select::{Item, Selection, select};
 use crate::sentence::sentence;
 use crate::state::{Bench, Case, State, refitted};
 
@@ -284,7 +284,7 @@ fn findings<'c>(case: &'c Case<'c>, selection: &mut Selection<'c>) -> Vec<Findin
         let (ways, less) = alternatives(case, &selection.state, item, &selection.family);
         if let (Item::Term(place), Some(first)) = (item, ways.first())
             && let Some(term) = &first.term
-            && first.evidence > shown.evidence
+            && (first.evidence > shown.evidence || whole_instrument(case, term, &selection.state.terms[place]))
         {
             selection.state.terms[place] = term.clone();
         }
@@ -321,7 +321,7 @@ fn findings<'c>(case: &'c Case<'c>, selection: &mut Selection<'c>) -> Vec<Findin
                 class,
                 interval_s,
                 parameters,
-                evidence: evidence_of(&selection.family, candidate, shown),
+                evidence: Evidence { gain_nats: shown.gain, p_value: shown.ln_p.exp() },
                 sentence,
                 noise_shift: noise_shift(case, &less, state),
                 rivals,
@@ -332,8 +332,11 @@ fn findings<'c>(case: &'c Case<'c>, selection: &mut Selection<'c>) -> Vec<Findin
     findings
 }
 
-fn evidence_of(_family: &Family, _candidate: &Candidate, shown: Shown) -> Evidence {
-    Evidence { gain_nats: shown.gain, p_value: shown.ln_p.exp() }
+/// Whether `term` is the same effect as `selected` on the whole instrument.
+fn whole_instrument(case: &Case<'_>, term: &Term, selected: &Term) -> bool {
+    let (whole, one) = (&case.candidates[term.candidate], &case.candidates[selected.candidate]);
+    whole.effect.id == one.effect.id
+        && matches!((&whole.target, &one.target), (Target::Group { .. }, Target::Sensor(_)))
 }
 
 fn candidate_of(state: &State, item: Item) -> usize {

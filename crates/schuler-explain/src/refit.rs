@@ -73,7 +73,9 @@ pub fn of_term(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter> {
             }
         }
         of_nonlinear = DMatrix::from_fn(size, size, |i, j| unit[(i, j)] * widths[i] * widths[j]);
-        if number > 0 && smooth {
+        // A drift over the whole record has its onset where the record begins, not somewhere about it.
+        let whole = matches!(candidate.search, Search::Onset(OnsetShape::Ramp)) && term.nonlinear[0] == 0.0;
+        if number > 0 && smooth && !whole {
             let mut jacobian = DMatrix::zeros(number, size);
             for axis in 0..size {
                 let mut by = vec![0.0; size];
