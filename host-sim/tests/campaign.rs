@@ -125,9 +125,11 @@ fn nominal_models_are_true() {
                     (id.clone(), values.iter().enumerate().map(|(k, v)| v - predicted.at(k) - bias).collect())
                 })
                 .collect();
+            // What is not recorded need not agree: a tuned gyro's loop while the table turns.
+            let mask = oracle::mask(&setting.scenario.gaps, setting.scenario.step_s, rows);
             let time: Vec<f64> = (1..=rows).map(|k| k as f64 * setting.scenario.step_s).collect();
             for view in oracle::views(&setting, |id| setting.noise_of(id)) {
-                let series = view.of(&left, rows);
+                let series: Vec<f64> = view.of(&left, rows).iter().zip(&mask).map(|(v, m)| v + m).collect();
                 let white = view.whiten(&time, &[&series]);
                 let nats = half_square(&white[0]);
                 // The loop's tilt at the start is a state, not a misfit: the filter has it within its first minutes.
@@ -175,6 +177,7 @@ fn index(case: &Path) -> usize {
     case.parent().unwrap().file_name().unwrap().to_string_lossy().parse().unwrap()
 }
 
+#[expect(clippy::unnecessary_wraps, reason = "an explainer may fail")]
 fn knows_nothing(_: &Path) -> anyhow::Result<Value> {
     Ok(json!({ "format": "schuler-explanation/1", "verdict": "no_mismatch", "findings": [] }))
 }
@@ -236,7 +239,8 @@ fn scoring_judges_ignorance_and_knowledge_and_no_case_is_run_twice() {
     let campaign = Campaign { plan: &plan, seed: 9, cases: &all, directory: &everything, keep: true };
     let scores = campaign.run(&explainer, &|_| (), &|| Ok(())).unwrap();
     let found = figures(&scores);
-    for figure in &found {
+    // Where everything is found, half are found somewhere below the smallest gain.
+    for figure in found.iter().filter(|figure| figure.interval[0] > 0.0 || figure.count == 3) {
         assert!(figure.standing == Standing::Reached, "{figure:?}");
     }
     assert_eq!((found[0].value, found[2].value, found[3].value, found[4].value), (1.0, 0.0, 1.0, 1.0));

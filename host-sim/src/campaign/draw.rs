@@ -43,6 +43,7 @@ impl Draw {
     }
 
     /// One of several.
+    #[expect(clippy::needless_pass_by_value, reason = "lists stand where they are used")]
     pub fn pick<T: Clone, const N: usize>(&mut self, several: [T; N]) -> T {
         let index = self.index(N);
         several[index].clone()

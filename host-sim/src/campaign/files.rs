@@ -64,7 +64,7 @@ impl Files {
     /// A file that cannot be written, no randomness for the salt.
     pub fn write_case(&self, made: &Made) -> Result<Opened, Error> {
         let index = made.answer.index;
-        let failed = |message: String| Error::one(&self.answer(index), Problem::of_file(message));
+        let failed = |message: String| Error::one(self.answer(index), Problem::of_file(message));
         let text = serde_json::to_string_pretty(&made.answer)
             .map_err(|error| failed(format!("cannot write the answer: {error}")))?;
         let seal = Seal::new(&text).map_err(|error| failed(error.to_string()))?;

@@ -87,22 +87,9 @@ pub fn make(
     for attempt in 0..MOST_EFFECTS_TRIED {
         let entries = group.entries();
         let entry = (!entries.is_empty()).then(|| entries[draw.index(entries.len())]);
-        let kind = match entry {
-            Some(entry) => {
-                let kinds: Vec<Kind> = entry.kinds.iter().copied().filter(|k| group.allows(*k)).collect();
-                match kinds.get(draw.index(kinds.len())) {
-                    Some(kind) => *kind,
-                    None => continue,
-                }
-            }
-            None => {
-                let kinds: Vec<Kind> = Kind::ALL.into_iter().filter(|k| group.allows(*k)).collect();
-                match kinds.get(draw.index(kinds.len())) {
-                    Some(kind) => *kind,
-                    None => return Err(Unmade::Impossible(group.name.clone())),
-                }
-            }
-        };
+        let kinds = entry.map_or(Kind::ALL.as_slice(), |entry| entry.kinds);
+        let kinds: Vec<Kind> = kinds.iter().copied().filter(|k| group.allows(*k)).collect();
+        let Some(kind) = kinds.get(draw.index(kinds.len())).copied() else { continue };
         for _ in 0..TRIES {
             let mut setting_draw = Draw::new(seed, &format!("setting {attempt} {}", draw.between(0.0, 1.0)));
             let setting = Setting::draw(kind, group.most_rows, seed, &mut setting_draw);
@@ -156,7 +143,7 @@ fn conceal(
             return Ok(None);
         }
     }
-    bench.finish(group, index, seed, effects, draw).map(Some)
+    bench.finish(group, index, seed, &effects, draw).map(Some)
 }
 
 /// Whether an effect can stand beside others: one that changes the noise or fails takes its sensor for itself, and no effect comes
@@ -335,16 +322,18 @@ impl<'c> Bench<'c> {
         group: &Group,
         index: usize,
         seed: u64,
-        effects: Vec<Sized>,
+        effects: &[Sized],
         draw: &mut Draw,
     ) -> Result<Made, Unmade> {
         let mut scenario = self.setting.scenario.clone();
-        effects.iter().for_each(|it| (it.concealed.inject)(&mut scenario, it.size));
+        for it in effects {
+            (it.concealed.inject)(&mut scenario, it.size);
+        }
         let mut simulated = self.run(&scenario)?;
         let told = self.outputs(&simulated);
         // What is left of the record once everything that is known is taken out.
         let mut noise = oracle::difference_or_missing(&told, &self.base);
-        for it in &effects {
+        for it in effects {
             oracle::subtract(&mut noise, &it.signals);
         }
         let views = oracle::views(&self.setting, |id| {
@@ -476,7 +465,7 @@ impl<'c> Bench<'c> {
     fn slope(&self, it: &Sized, views: &[View], cause: &[f64]) -> (f64, f64) {
         let output = &it.concealed.output;
         if self.setting.kind == Kind::Channel {
-            return (self.instrument_slope(it, cause), 0.0);
+            return (Self::instrument_slope(it, cause), 0.0);
         }
         let mask = oracle::mask(&self.setting.scenario.gaps, self.setting.scenario.step_s, self.rows);
         let ones = vec![1.0; self.rows];
@@ -503,7 +492,7 @@ impl<'c> Bench<'c> {
     }
 
     /// The same inside the Schuler loop, where the instrument's error itself is known.
-    fn instrument_slope(&self, it: &Sized, cause: &[f64]) -> f64 {
+    fn instrument_slope(it: &Sized, cause: &[f64]) -> f64 {
         let Some(truth) = it.silent.as_ref().map(|s| &s.truth) else { return 0.0 };
         let error = truth.get(&format!("{}.error", it.concealed.output)).unwrap_or_default();
         let n = error.len().min(cause.len()).max(1) as f64;
@@ -524,7 +513,9 @@ fn centre(series: &mut [f64], relative: bool) {
     if relative {
         let n = series.iter().filter(|v| v.is_finite()).count().max(1) as f64;
         let mean = sum(series.iter().copied()) / n;
-        series.iter_mut().for_each(|v| *v -= mean);
+        for v in series.iter_mut() {
+            *v -= mean;
+        }
     }
 }
 

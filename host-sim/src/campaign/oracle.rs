@@ -118,7 +118,9 @@ impl View {
         let mut white = self.model.whiten(time_s, &all).innovations;
         let constant = white.pop().unwrap_or_default();
         if self.relative {
-            white.iter_mut().for_each(|series| project_out(series, &constant));
+            for series in &mut white {
+                project_out(series, &constant);
+            }
         }
         white
     }

@@ -278,15 +278,12 @@ fn named<T: Clone>(node: &Node<'_>, key: &'static str, known: &[(String, T)]) ->
     let names = field.text_list()?;
     let mut all = Vec::new();
     for name in names {
-        match known.iter().find(|(known, _)| *known == name) {
-            Some((_, value)) => all.push(value.clone()),
-            None => {
-                let meant =
-                    schuler_recording::document::suggestion(&name, known.iter().map(|(k, _)| k.as_str()));
-                let hint = meant.map(|m| format!("; did you mean \"{m}\"?")).unwrap_or_default();
-                return field.problem(&format!("found \"{name}\"; expected names of {key}{hint}"));
-            }
-        }
+        let Some((_, value)) = known.iter().find(|(known, _)| *known == name) else {
+            let meant = schuler_recording::document::suggestion(&name, known.iter().map(|(k, _)| k.as_str()));
+            let hint = meant.map(|m| format!("; did you mean \"{m}\"?")).unwrap_or_default();
+            return field.problem(format!("found \"{name}\"; expected names of {key}{hint}"));
+        };
+        all.push(value.clone());
     }
     Some(all)
 }
@@ -349,6 +346,6 @@ mod tests {
             wrong("cases = 3", "cases = 0"),
             "p.toml:4: group[0].cases: found 0; expected a whole number from 1 to 1e6"
         );
-        assert!(wrong("cases = 3", "case = 3").contains("missing"));
+        assert!(wrong("cases = 3", "case = 3").contains("group[0].case"));
     }
 }

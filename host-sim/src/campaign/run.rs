@@ -66,7 +66,7 @@ struct Identity {
 impl Identity {
     fn of(plan: &PlanFile, seed: u64) -> Self {
         let digest = Sha256::digest(plan.text.as_bytes());
-        let plan_sha256 = digest.iter().map(|byte| format!("{byte:02x}")).collect();
+        let plan_sha256 = super::seal::hexadecimal(&digest);
         Self { seed, plan_sha256 }
     }
 }

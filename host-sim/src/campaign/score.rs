@@ -310,7 +310,7 @@ mod tests {
         let it = scored(
             &answer(vec![effect("gyro_x", "bias_temperature_rate")]),
             &json!([{ "sensor": "gyro_x", "effect": "bias_temperature_rate", "parameters": [
-                { "name": "coefficient", "value": 0.0611, "sigma": 0.001, "unit": "deg/h/(K/min)" } ] }]),
+                { "name": "coefficient", "value": 219.96, "sigma": 3.6, "unit": "deg/h/(K/min)" } ] }]),
         );
         assert!(it.effects[0].right && !it.effects[0].in_class_only && it.false_findings.is_empty());
         let p = &it.effects[0].parameters[0];

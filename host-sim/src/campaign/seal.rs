@@ -41,7 +41,7 @@ fn fingerprint(salt: &str, text: &str) -> String {
     hexadecimal(&Sha256::new().chain_update(salt.as_bytes()).chain_update(text.as_bytes()).finalize())
 }
 
-fn hexadecimal(bytes: &[u8]) -> String {
+pub(super) fn hexadecimal(bytes: &[u8]) -> String {
     bytes.iter().fold(String::new(), |mut text, byte| {
         // Writing into a string cannot fail.
         let _ = write!(text, "{byte:02x}");

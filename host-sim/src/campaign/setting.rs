@@ -799,7 +799,7 @@ fn radio(most_rows: usize, seed: u64, draw: &mut Draw) -> Setting {
 
 fn channel(most_rows: usize, seed: u64, draw: &mut Draw) -> Setting {
     let step_s = 1.0;
-    let n = rows(5000, most_rows.min(43_200).max(5001), draw);
+    let n = rows(5000, most_rows.clamp(5001, 43_200), draw);
     let duration = n as f64;
     let mut scenario = empty("Velocity error of a Schuler loop", seed, duration, step_s, draw);
     scenario.motion = platform(duration, duration / 40.0, 200.0, draw);

@@ -96,11 +96,10 @@ fn symbol(name: &str) -> UnitText {
     let (factor, powers): (f64, &[(&str, i32)]) = match name {
         "1" | "rad" => (1.0, &[]),
         "mrad" => (1e-3, &[]),
-        "urad" => (1e-6, &[]),
+        "urad" | "ppm" => (1e-6, &[]),
         "deg" | "°" => (DEGREE, &[]),
         "arcmin" => (DEGREE / 60.0, &[]),
         "arcsec" | "″" => (DEGREE / 3600.0, &[]),
-        "ppm" => (1e-6, &[]),
         "m" => (1.0, &[("m", 1)]),
         "km" => (1e3, &[("m", 1)]),
         "cm" => (1e-2, &[("m", 1)]),
