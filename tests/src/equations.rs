@@ -13,6 +13,8 @@ pub const TABLE: &str = "docs/equations.md";
 const LIST: &str = "tests/equations.txt";
 /// Folders with sources.
 const SOURCES: [&str; 4] = ["crates", "firmware/src", "host-sim", "tests"];
+/// What begins an item.
+const KINDS: [&str; 9] = ["fn", "struct", "enum", "trait", "type", "const", "static", "mod", "impl"];
 /// The parts of the specification, as prefixes of ids.
 const PARTS: [&str; 4] = ["FIL", "FDI", "TMP", "HLT"];
 
@@ -75,7 +77,7 @@ pub fn trace(root: &Path) -> std::io::Result<(Vec<Equation>, Vec<String>)> {
                             equations[at].code.insert((relative.clone(), item_after(&lines, k)));
                         }
                         None => {
-                            holes.push(format!("{}:{}: [{id}] is not in {LIST}", relative.display(), k + 1))
+                            holes.push(format!("{}:{}: [{id}] is not in {LIST}", relative.display(), k + 1));
                         }
                     }
                 }
@@ -192,7 +194,6 @@ fn item_after(lines: &[&str], at: usize) -> String {
     if lines[at].trim_start().starts_with("//!") {
         return "module".to_owned();
     }
-    const KINDS: [&str; 9] = ["fn", "struct", "enum", "trait", "type", "const", "static", "mod", "impl"];
     let below = lines[at..]
         .iter()
         .map(|line| line.trim_start())

@@ -12,11 +12,11 @@ fn rough(k: usize, beta: f64) -> f64 {
     2.5 * (-t / 400.0).exp() * (beta * t).cos() * (1.0 + 0.03 * (0.7 * k as f64).sin())
 }
 
-/// White noise of the level given by the code for an hour and a minute gives the process its variance: q τ/2 = σ², and over
+/// White noise of the level that the code gives makes the variance of the process: q τ/2 = σ², and over
 /// a step that is short against τ the discrete noise is q Δ.
 #[test]
 fn fil_8_level_of_the_driving_noise_gives_the_variance() {
-    for (sigma, tau_s) in [(9.8e-4, 60.0), (4.8e-7, 3600.0)] {
+    for (sigma, tau_s) in [(9.8e-4_f64, 60.0_f64), (4.8e-7, 3600.0)] {
         let noise = MarkovNoise { sigma, tau_s };
         let q = noise.spectral_level();
         assert!((q * tau_s / 2.0 / (sigma * sigma) - 1.0).abs() < 1e-14);

@@ -19,6 +19,8 @@ use crate::plot::{Colour, Figure, Format, Layer, Panel};
 
 /// Name of the compensation file.
 const COMPENSATION: &str = "compensation.toml";
+/// What runs to the right in the figure of the coefficients.
+const ORDER: &str = "coefficient, in the order of the table";
 /// A value further from zero than this many prior standard deviations is not plausible.
 const IMPLAUSIBLE: f64 = 3.0;
 
@@ -240,15 +242,30 @@ fn coefficients(rows: &[Row]) -> Figure {
             bars.extend([row.value - 3.0 * row.sigma, row.value + 3.0 * row.sigma, f64::NAN]);
         }
         let truth: Vec<f64> = of_kind.iter().map(|row| row.truth.unwrap_or(f64::NAN)).collect();
-        let mut panel = Panel::new("coefficient, in the order of the table", label)
-            .line("±3σ", &x, bars, Colour::Blue)
-            .points("found", &places, of_kind.iter().map(|row| row.value).collect(), Colour::Blue);
+        let mut panel = Panel::new(ORDER, label).line("±3σ", &x, bars, Colour::Blue).points(
+            "found",
+            &places,
+            of_kind.iter().map(|row| row.value).collect(),
+            Colour::Blue,
+        );
         if truth.iter().any(|t| t.is_finite()) {
             panel = panel.points("truth of the simulation", &places, truth, Colour::Red);
         }
         Some(panel)
     });
-    Figure { title: "Coefficients found by the calibration".to_owned(), panels: panels.collect() }
+    let mut panels: Vec<Panel> = panels.collect();
+    let places: Vec<f64> = (1..=rows.len()).map(|k| k as f64).collect();
+    let kept = rows.iter().map(|row| 100.0 * row.sigma / row.prior_sigma).collect();
+    panels.push(Panel::new(ORDER, "share of the prior sigma left, %").line("", &places, kept, Colour::Blue));
+    if rows.iter().any(|row| row.truth.is_some()) {
+        let error = |row: &Row| row.truth.map_or(f64::NAN, |truth| (row.value - truth) / row.sigma);
+        let mut panel = Panel::new(ORDER, "error, standard deviations");
+        for y in [-3.0, 3.0] {
+            panel = panel.with(Layer::Horizontal { label: String::new(), y, colour: Colour::Grey });
+        }
+        panels.push(panel.line("", &places, rows.iter().map(error).collect(), Colour::Red));
+    }
+    Figure { title: "Coefficients found by the calibration".to_owned(), panels }
 }
 
 /// What the temperature did in every cycle, and the gyros' biases with it.

@@ -18,8 +18,12 @@ use crate::plot::{Colour, Figure, Format, Panel};
 
 /// The run that is calibrated.
 const CALIBRATION: &str = include_str!("../../scenarios/calibration_run.toml");
-/// Figures of the demonstration that are kept.
-const OF_THE_DEMO: [&str; 3] = ["before_and_after.png", "loop_estimates.png", "loop_isolation.png"];
+/// Figures of the demonstration that are kept, and under which name.
+const OF_THE_DEMO: [(&str, &str); 3] = [
+    ("before_and_after.png", "before_and_after.png"),
+    ("velocity_error_estimates.png", "estimates.png"),
+    ("velocity_error_isolation.png", "isolation_in_flight.png"),
+];
 
 /// Where to.
 #[derive(Debug, clap::Args)]
@@ -42,8 +46,8 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
 
     let made = temporary.path().join("demo");
     demo::made(&demo::Arguments::into_directory(&made), session)?;
-    for name in OF_THE_DEMO {
-        files.push(kept(&made, name, out, name)?);
+    for (name, as_name) in OF_THE_DEMO {
+        files.push(kept(&made, name, out, as_name)?);
     }
 
     let run = temporary.path().join("run");
