@@ -194,7 +194,7 @@ fn better(fit: &Fit) -> Markup {
     let Some(sentence) = words::held_out(&fit.held_out) else { return html! {} };
     type Figure = (&'static str, fn(&Goodness) -> String);
     let figures: [Figure; 4] = [
-        ("−log-likelihood, nats per sample", |it| plain(it.nll_per_sample, 4)),
+        ("−log-likelihood, nats per sample", |it| format!("{:.4}", it.nll_per_sample)),
         ("error of prediction, nominal σ", |it| plain(it.rmse, 3)),
         ("normalised innovation squared (1 is right)", |it| plain(it.nis_mean, 3)),
         ("whiteness, p of Ljung–Box", |it| plain(it.whiteness_p, 2)),
