@@ -276,10 +276,9 @@ impl Context<'_> {
         };
         Chart {
             title: format!("{} against {}", words::name_of(effect), it.cause.name),
-            caption: format!(
-                "Marks: means over equally many rows, with bars of ±2 σ that allow for correlated noise. Before, they \
+            caption: "Marks: means over equally many rows, with bars of ±2 σ that allow for correlated noise. Before, they \
                  should follow the line of the effect; after, lie about zero."
-            ),
+                .to_owned(),
             summary: format!(
                 "Means more than 2 σ from zero: {} before, {} after.",
                 off(|bin| bin.residual),

@@ -58,7 +58,7 @@ pub(super) fn plain(value: f64, digits: usize) -> String {
     }
     let exponent = exponent(value);
     if PLAIN.contains(&exponent) {
-        let digits = (digits as i32 - 1 - exponent).max(0) as usize;
+        let digits = (i32::try_from(digits).unwrap_or(i32::MAX) - 1 - exponent).max(0) as usize;
         return format!("{value:.digits$}");
     }
     let digits = digits.saturating_sub(1);
@@ -103,7 +103,7 @@ pub(super) fn printed_unit(unit: &str) -> String {
     let split = SENSOR_UNITS.iter().find_map(|of_sensor| {
         let per = unit.strip_prefix(of_sensor)?.strip_prefix('/')?;
         // °/h/√h is one unit, and so is what another sensor unit begins.
-        let whole = per.starts_with("sqrt(") || SENSOR_UNITS.iter().any(|other| *other == unit);
+        let whole = per.starts_with("sqrt(") || SENSOR_UNITS.contains(&unit);
         (!whole).then_some((*of_sensor, per))
     });
     let print = |text: &str| PRINTED.iter().fold(text.to_owned(), |text, (from, to)| text.replace(from, to));
