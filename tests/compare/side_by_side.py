@@ -6,6 +6,7 @@ share of false among the terms chosen, the true term found, median time.
 
 import argparse
 import json
+import sys
 import time
 import warnings
 from pathlib import Path
@@ -79,6 +80,7 @@ def main():
     results = {}
     for noise in options.noises.split(","):
         for name, method in methods.items():
+            print(f"{name}, {noise}", file=sys.stderr)
             results[name, noise] = {a: run(method, options.seeds, a, noise, int(3600 * options.hours)) for a in AMPLITUDES}
     table(results, "schuler explain")
     if options.json:

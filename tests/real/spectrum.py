@@ -100,6 +100,15 @@ def strongest_line(values, step, lowest_hz):
     return frequency[top], ratio[top], false_alarm
 
 
+def allow_line(report, case, name, values, step, lowest_hz):
+    """Names a line right where one stands out of the spectrum, whatever its cause."""
+    frequency, ratio, false_alarm = strongest_line(values, step, lowest_hz)
+    if false_alarm < 0.01:
+        report.allow(case, name, "periodic_line", "noise_exp_cos")
+        report.estimate(case, name, "periodic_line", "frequency_hz", frequency, 1 / (len(values) * step), "Hz", gain=ratio)
+        report.remark(case, f"{name}: line at {frequency:.6g} Hz, {ratio:.0f} times the median, false alarm {false_alarm:.1g}")
+
+
 def allan(values, factor):
     means = values[: len(values) // factor * factor].reshape(-1, factor).mean(axis=1)
     return np.sqrt(0.5 * np.mean(np.diff(means) ** 2))

@@ -9,6 +9,7 @@ for paid by half the logarithm of the rows and the logarithm of the number of va
 import numpy as np
 import pandas as pd
 from common import DATA, Fit, Report
+from spectrum import allow_line
 
 ORDER = 6
 # Descriptions whose likelihoods differ by less are not told apart.
@@ -99,6 +100,10 @@ def main():
         readings = {f"g{a}": np.rad2deg(values[:, 5 + k]) for k, a in enumerate("xyz")}
         readings |= {f"a{a}": 4000 * values[:, 2 + k] for k, a in enumerate("xyz")}
         units = {name: "deg/s" if name[0] == "g" else "mg" for name in readings}
+        # Lines are looked for at the full rate, about 50 Hz.
+        full = table.to_numpy()
+        for k, name in enumerate(["ax", "ay", "az", "gx", "gy", "gz"]):
+            allow_line(report, f"mems_hot_cold/{log}", name, full[:, 2 + k], 0.02, 0.1)
         examine(report, f"mems_hot_cold/{log}", values[:, 0] / 50, values[:, 1], readings, units, 50)
     report.print()
 
