@@ -42,7 +42,12 @@ pub fn target_name(model: &Model, candidate: &Candidate) -> String {
 }
 
 /// All ways to describe what `item` describes that are within the class's distance of the best, best first.
-pub fn alternatives(case: &Case<'_>, state: &State, item: Item, family: &Family) -> (Vec<Alternative>, State) {
+pub fn alternatives(
+    case: &Case<'_>,
+    state: &State,
+    item: Item,
+    family: &Family,
+) -> (Vec<Alternative>, State) {
     let model = case.model;
     let blocks = match item {
         Item::Term(place) => blocks_of(model, std::slice::from_ref(&state.terms[place])),

@@ -138,7 +138,17 @@ impl Library {
             .into_par_iter()
             .filter_map(|block| {
                 let whitened = whitened[block].as_ref()?;
-                BlockSums::new(model, filters, block, whitened, candidates, &entries, terms, first, correlations)
+                BlockSums::new(
+                    model,
+                    filters,
+                    block,
+                    whitened,
+                    candidates,
+                    &entries,
+                    terms,
+                    first,
+                    correlations,
+                )
             })
             .collect();
         let mut library = Self { entries, regressors, blocks, prepared: Vec::new() };
@@ -168,8 +178,7 @@ impl Library {
                     }
                 }
                 let solution = solve_seen(&normal, &DVector::zeros(columns.len()), SEEN_COMBINATION);
-                let rank =
-                    if entry.unit_amplitude { usize::from(normal.sum() > 0.0) } else { solution.rank };
+                let rank = if entry.unit_amplitude { usize::from(normal.sum() > 0.0) } else { solution.rank };
                 Prepared { projection, normal, rank, inverse: solution.covariance }
             })
             .collect();
@@ -357,9 +366,12 @@ impl BlockSums {
         }
         let scores = DVector::from_iterator(
             ids.len(),
-            whitened.iter().map(|column| column.iter().zip(data).map(|(a, b)| f64::from(*a) * b).sum::<f64>()),
+            whitened
+                .iter()
+                .map(|column| column.iter().zip(data).map(|(a, b)| f64::from(*a) * b).sum::<f64>()),
         );
-        let normal = normal_matrix(&whitened, |i, j| correlations || j < regressors || groups[i] == groups[j]);
+        let normal =
+            normal_matrix(&whitened, |i, j| correlations || j < regressors || groups[i] == groups[j]);
         Some(Self { place, scores, normal })
     }
 }
@@ -370,7 +382,11 @@ fn ln_number_of_mean(mean: f64) -> f64 {
     let (mut low, mut high) = (0.0_f64, 20.0_f64);
     for _ in 0..40 {
         let middle = 0.5 * (low + high);
-        if statrs::function::gamma::digamma(middle.exp() + 1.0) < target { low = middle } else { high = middle }
+        if statrs::function::gamma::digamma(middle.exp() + 1.0) < target {
+            low = middle
+        } else {
+            high = middle
+        }
     }
     low
 }
