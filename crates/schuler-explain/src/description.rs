@@ -37,7 +37,11 @@ impl Term {
     /// The same term at other values of its non-linear parameters.
     #[must_use]
     pub fn at(&self, candidate: &Candidate, nonlinear: &[f64], time_s: &[f64]) -> Self {
-        if nonlinear.is_empty() { self.clone() } else { Self::new(self.candidate, candidate, nonlinear, time_s) }
+        if nonlinear.is_empty() {
+            self.clone()
+        } else {
+            Self::new(self.candidate, candidate, nonlinear, time_s)
+        }
     }
 
     /// Number of amplitudes that are estimated.

@@ -23,6 +23,8 @@ use crate::statistics::ln_chi_squared_tail;
 const SHORTEST_RUN: usize = 20;
 /// Fewest readings at a limit.
 const FEWEST_CLIPPED: usize = 8;
+/// Fewest separate stays at a limit: one may be a stuck output.
+const FEWEST_STAYS: usize = 3;
 /// How many times as many readings as at the next value.
 const CLIPPED_RATIO: f64 = 4.0;
 /// Fewest different values of an output that may be clipped.
@@ -69,8 +71,9 @@ pub fn faults(recording: &Recording, model: &Model) -> (Vec<Fault>, Vec<Vec<bool
         let mut mask = vec![false; series.values.len()];
         let sensor = &series.sensor;
         let moves = sensor.nominal.white > 2.0 * sensor.quantisation;
-        found.extend(stuck(index, &series.values, moves, &mut mask));
+        // Clipped first: a stay at the limit is no stuck output.
         found.extend(clipped(index, &series.values, &mut mask));
+        found.extend(stuck(index, &series.values, moves, &mut mask));
         found.extend(coarse(index, &series.values, sensor.quantisation, sensor.nominal.white));
         masked[index] = mask;
     }
@@ -89,7 +92,7 @@ fn stuck(sensor: usize, values: &[f64], moves: bool, mask: &mut [bool]) -> Optio
     let mut start = 0;
     let mut last: Option<(f64, usize)> = None;
     for (row, &value) in values.iter().enumerate() {
-        if !value.is_finite() {
+        if !value.is_finite() || mask[row] {
             continue;
         }
         if let Some((before, _)) = last {
@@ -172,6 +175,12 @@ fn clipped(sensor: usize, values: &[f64], mask: &mut [bool]) -> Option<Fault> {
     if evidence < 10.0 {
         return None;
     }
+    let present: Vec<bool> =
+        values.iter().filter(|value| value.is_finite()).map(|value| limits.contains(value)).collect();
+    let stays = present.windows(2).filter(|pair| !pair[0] && pair[1]).count();
+    if stays < FEWEST_STAYS {
+        return None;
+    }
     let mut rows = (values.len(), 0);
     for (row, value) in values.iter().enumerate() {
         if limits.contains(value) {
@@ -202,7 +211,8 @@ fn coarse(sensor: usize, values: &[f64], nominal: f64, white: f64) -> Option<Fau
     let largest = levels.first().map_or(0.0, |first| first.abs()).max(span);
     let tolerance = OFF_LATTICE + 1e-9 * largest / step;
     let steps = span / step;
-    if !step.is_finite() || steps > 1e5 || differences().any(|difference| off(difference) > tolerance * 10.0) {
+    if !step.is_finite() || steps > 1e5 || differences().any(|difference| off(difference) > tolerance * 10.0)
+    {
         return None;
     }
     (step > COARSER * nominal && step >= LEAST_STEP * white).then(|| Fault {
@@ -245,7 +255,8 @@ fn spikes(model: &Model, steps: &[f64], masked: &mut [Vec<bool>]) -> Vec<Fault> 
                 let after = median3([value(place + 1), value(place + 2), value(place + 3)]);
                 let (left, right) = (value(place) - before, value(place) - after);
                 spread.push(left.abs());
-                standoffs[place] = if left * right > 0.0 { left.abs().min(right.abs()) * left.signum() } else { 0.0 };
+                standoffs[place] =
+                    if left * right > 0.0 { left.abs().min(right.abs()) * left.signum() } else { 0.0 };
             }
             let middle = spread.len() / 2;
             let median = *spread.select_nth_unstable_by(middle, f64::total_cmp).1;
@@ -326,9 +337,8 @@ fn jump(bench: &Bench<'_>, index: usize, candidate: &Candidate) -> Option<Propos
     for at in 0..used.len() {
         sums[at + 1] = sums[at] + value(at);
     }
-    let difference = |at: usize| {
-        (sums[at + LEVEL_ROWS] - 2.0 * sums[at] + sums[at - LEVEL_ROWS]) / LEVEL_ROWS as f64
-    };
+    let difference =
+        |at: usize| (sums[at + LEVEL_ROWS] - 2.0 * sums[at] + sums[at - LEVEL_ROWS]) / LEVEL_ROWS as f64;
     let range = LEVEL_ROWS..used.len().saturating_sub(LEVEL_ROWS);
     let mut sizes: Vec<f64> = range.clone().map(|at| difference(at).abs()).collect();
     if sizes.is_empty() {

@@ -77,7 +77,8 @@ pub fn evidence(gain: f64, freedom: usize, ln_places: f64) -> f64 {
 impl Family {
     /// Counts candidates and draws the null distribution of those that stand in `library`.
     pub fn new(candidates: &[Candidate], library: &Library) -> Self {
-        let count = |wanted: fn(&Search) -> bool| candidates.iter().filter(|c| wanted(&c.search)).count().max(1);
+        let count =
+            |wanted: fn(&Search) -> bool| candidates.iter().filter(|c| wanted(&c.search)).count().max(1);
         Self {
             null: library.null_distribution(candidates.len()),
             onsets: count(|search| matches!(search, Search::Onset(_))),
@@ -167,7 +168,8 @@ fn promises_of_scans(bench: &Bench<'_>, wanted: &(dyn Fn(usize) -> bool + Sync))
         .into_par_iter()
         .flat_map_iter(|index| {
             let mut promises = Vec::new();
-            let (Some(whitened), Some(filter)) = (&bench.blocks[index], &bench.filters.of_block[index]) else {
+            let (Some(whitened), Some(filter)) = (&bench.blocks[index], &bench.filters.of_block[index])
+            else {
                 return promises;
             };
             let scanner = Scanner::new(
@@ -222,10 +224,8 @@ impl Bench<'_> {
             evidence: 0.0,
             ln_places: 0.0,
         };
-        self.refine(&promise, FINELY_REFINED).map_or_else(
-            || (term.clone(), 0.0),
-            |proposal| (proposal.term, proposal.gain),
-        )
+        self.refine(&promise, FINELY_REFINED)
+            .map_or_else(|| (term.clone(), 0.0), |proposal| (proposal.term, proposal.gain))
     }
 
     /// Evaluates a promise exactly and refines its parameters.
@@ -269,7 +269,8 @@ impl Bench<'_> {
     /// What a change of the noise of each source would gain, best first.
     pub fn noise_changes(&self, state: &State) -> Vec<(usize, ChangeFit)> {
         let model = self.case.model;
-        let spectra: Vec<_> = (0..model.blocks.len()).into_par_iter().map(|index| self.spectrum(index)).collect();
+        let spectra: Vec<_> =
+            (0..model.blocks.len()).into_par_iter().map(|index| self.spectrum(index)).collect();
         let mut found: Vec<(usize, ChangeFit)> = (self.case.candidates.par_iter().enumerate())
             .filter_map(|(place, candidate)| {
                 let Search::Noise(change) = candidate.search else { return None };
@@ -277,7 +278,10 @@ impl Bench<'_> {
                 let source = model.source_of(sensor, candidate.port)?;
                 // The noise of a source of which the user says nothing is no finding.
                 if model.sources[source].unknown
-                    || state.changes.iter().any(|accepted| accepted.source == source && accepted.change == change)
+                    || state
+                        .changes
+                        .iter()
+                        .any(|accepted| accepted.source == source && accepted.change == change)
                 {
                     return None;
                 }
@@ -344,7 +348,8 @@ pub fn refine_inside(
             (vec![back(range, value)], -cost)
         }
         _ => {
-            let from: Vec<f64> = ranges.iter().zip(start).map(|(range, &value)| forward(range, value)).collect();
+            let from: Vec<f64> =
+                ranges.iter().zip(start).map(|(range, &value)| forward(range, value)).collect();
             let sides: Vec<f64> = (ranges.iter())
                 .map(|range| 0.25 * (forward(range, range.1) - forward(range, range.0)))
                 .collect();

@@ -167,10 +167,14 @@ fn unknown_structure(case: &Case<'_>, mut state: State) -> State {
         state = fitted;
         let mut added = false;
         for (source, origin) in case.model.sources.iter().enumerate().filter(|(_, origin)| origin.unknown) {
-            let best = changes.iter().filter_map(|&change| bench.fit_change(source, origin, change)).max_by(|a, b| {
-                let score = |fit: &ChangeFit| fit.gain - 0.5 * fit.knobs.len() as f64 * (case.model.rows as f64).ln();
-                score(a).total_cmp(&score(b))
-            });
+            let best = changes.iter().filter_map(|&change| bench.fit_change(source, origin, change)).max_by(
+                |a, b| {
+                    let score = |fit: &ChangeFit| {
+                        fit.gain - 0.5 * fit.knobs.len() as f64 * (case.model.rows as f64).ln()
+                    };
+                    score(a).total_cmp(&score(b))
+                },
+            );
             if let Some(fit) = best
                 && fit.gain > 0.5 * fit.knobs.len() as f64 * (case.model.rows as f64).ln()
             {

@@ -14,9 +14,7 @@ use schuler_explain::explain::{Error, Options, explain_with};
 use schuler_explain::explanation::{Explanation, Verdict};
 use schuler_explain::inputs::Inputs;
 use schuler_recording::Recording;
-use schuler_recording::case::{
-    Case, Markov, Motion, MotionKind, Nominal, Sensor, SensorKind, Source,
-};
+use schuler_recording::case::{Case, Markov, Motion, MotionKind, Nominal, Sensor, SensorKind, Source};
 use schuler_recording::recording::{MotionSeries, Quality, SensorSeries};
 use schuler_recording::unit::Unit;
 
@@ -88,7 +86,14 @@ fn candidate(effect: &'static Effect, sensor: usize, search: Search) -> Candidat
         Search::Noise(_) | Search::Readings(_) => Vec::new(),
         _ => vec![amplitude()],
     };
-    Candidate { effect, target: Target::Sensor(sensor), port: Port::Output, variant: Vec::new(), search, amplitudes }
+    Candidate {
+        effect,
+        target: Target::Sensor(sensor),
+        port: Port::Output,
+        variant: Vec::new(),
+        search,
+        amplitudes,
+    }
 }
 
 fn signature(sensor: usize, values: Vec<f64>) -> Signature {
@@ -102,7 +107,8 @@ fn candidates(rows: usize, sensors: usize) -> Vec<Candidate> {
     let waved: Vec<f64> = times.iter().map(|&time| wave(time, length)).collect();
     (0..sensors)
         .flat_map(|sensor| {
-            let linear = |effect, values| candidate(effect, sensor, Search::Linear(signature(sensor, values)));
+            let linear =
+                |effect, values| candidate(effect, sensor, Search::Linear(signature(sensor, values)));
             let noise = |effect, change| candidate(effect, sensor, Search::Noise(change));
             let fault = |effect, fault| candidate(effect, sensor, Search::Readings(fault));
             let lagged = waved.clone();
@@ -242,7 +248,9 @@ fn nothing_is_found_where_nothing_is_hidden() {
                 assert!(matches!(answer.verdict, Verdict::NoMismatch | Verdict::Unexplained));
             }
             let wrong = answer.verdict != Verdict::NoMismatch;
-            wrong.then(|| format!("{:?} {:?}", answer.verdict, answer.findings.first().map(|f| f.effect.clone())))
+            wrong.then(|| {
+                format!("{:?} {:?}", answer.verdict, answer.findings.first().map(|f| f.effect.clone()))
+            })
         })
         .collect();
     println!("{} of {TRIALS}: {false_alarms:?}", false_alarms.len());
@@ -260,7 +268,10 @@ fn named(effect: &str, trials: u64, hide: impl Fn(u64, Vec<f64>) -> Vec<f64> + S
             let right = (answer.findings.first())
                 .is_some_and(|first| first.sensor == "sensor_0" && first.class.iter().any(|id| id == effect));
             if !right || answer.findings.len() > 1 {
-                println!("{effect} {seed}: {:?}", answer.findings.iter().map(|f| &f.class).collect::<Vec<_>>());
+                println!(
+                    "{effect} {seed}: {:?}",
+                    answer.findings.iter().map(|f| &f.class).collect::<Vec<_>>()
+                );
             }
             (right, answer.findings.len() > 1)
         })
@@ -311,7 +322,12 @@ fn noise_of_another_kind_is_named() {
     assert_named("white", |seed, values| white(seed, 0.35)(values));
     assert_named("variance", |seed, values| {
         let rough = white(seed, 0.6)(values.clone());
-        values.into_iter().zip(rough).enumerate().map(|(row, (a, b))| if row < 1200 { a } else { b }).collect()
+        values
+            .into_iter()
+            .zip(rough)
+            .enumerate()
+            .map(|(row, (a, b))| if row < 1200 { a } else { b })
+            .collect()
     });
     assert_named("markov", |seed, values| {
         let more = markov(&mut Pcg64::seed_from_u64(70_000 + seed), ROWS, 0.8, 4.0);
@@ -373,7 +389,8 @@ fn what_looks_the_same_is_a_class_and_not_a_name() {
     // Under one exponential a quantity and its rate are the same function up to a factor and a constant.
     let warm: Vec<f64> = (0..ROWS).map(|row| (-(row as f64) / 400.0).exp()).collect();
     let rate: Vec<f64> = warm.iter().map(|value| -value / 400.0).collect();
-    let values: Vec<f64> = noise(31, ROWS).iter().zip(&warm).map(|(noise, warm)| noise + 3.0 * warm).collect();
+    let values: Vec<f64> =
+        noise(31, ROWS).iter().zip(&warm).map(|(noise, warm)| noise + 3.0 * warm).collect();
     let recording = recording(vec![values]);
     let inputs = Inputs::new(&recording);
     let mut all = candidates(ROWS, 1);
@@ -391,9 +408,12 @@ fn what_looks_the_same_is_a_class_and_not_a_name() {
 fn a_delay_is_found_without_an_amplitude() {
     let input: Vec<f64> = (0..ROWS).map(|row| 20.0 * (0.05 * row as f64).sin()).collect();
     let delayed = |delay: f64| -> Vec<f64> {
-        (0..ROWS).map(|row| 20.0 * ((0.05 * (row as f64 - delay)).sin() - (0.05 * row as f64).sin())).collect()
+        (0..ROWS)
+            .map(|row| 20.0 * ((0.05 * (row as f64 - delay)).sin() - (0.05 * row as f64).sin()))
+            .collect()
     };
-    let values: Vec<f64> = noise(77, ROWS).iter().zip(delayed(0.7)).map(|(noise, more)| noise + more).collect();
+    let values: Vec<f64> =
+        noise(77, ROWS).iter().zip(delayed(0.7)).map(|(noise, more)| noise + more).collect();
     let recording = recording(vec![values]);
     let inputs = Inputs::new(&recording);
     let mut all = candidates(ROWS, 1);

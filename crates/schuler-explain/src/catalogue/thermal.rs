@@ -8,7 +8,7 @@ use super::draft::{
     Plausible, any, at_each_instrument_place, coefficient, inertial, logarithmic, massive_gyros, number,
     time_constant,
 };
-use super::{Candidate, Effect, Nonlinear, Search};
+use super::{Candidate, Effect, Nonlinear};
 use crate::inputs::series::{lagged, map, play_branch, product, range, varies};
 use crate::inputs::{Inputs, Place, Series, Thermometer};
 
@@ -315,35 +315,11 @@ fn power(
     })]
 }
 
-/// Another reference than the mean adds a multiple of what multiplies the temperature, `factor`: where the reference is
-/// not known, that multiple is an amplitude of its own, so that it is not taken for another effect.
-fn with_reference(mut draft: Draft, place: &Place, factor: Vec<f64>, reference: f64, known: bool) -> Draft {
+fn with_reference(draft: Draft, place: &Place, factor: Vec<f64>, reference: f64, known: bool) -> Draft {
     if known {
         return draft;
     }
-    let shift = super::Column { parts: vec![(place.sensor, factor)] };
-    draft.search = match draft.search {
-        Search::Linear(mut signature) => {
-            signature.columns.push(shift);
-            Search::Linear(signature)
-        }
-        Search::Grid { parameters, signature, unit_amplitude } => Search::Grid {
-            parameters,
-            signature: Box::new(move |point| {
-                let mut at_point = signature(point);
-                at_point.columns.push(shift.clone());
-                at_point
-            }),
-            unit_amplitude,
-        },
-        other => other,
-    };
-    if let Some(first) = draft.amplitudes.first() {
-        let unit = first.unit.strip_suffix("/K").unwrap_or(&first.unit).to_owned();
-        let at_mean = super::Amplitude { name: "at_mean".to_owned(), unit, plausible: None, ..first.clone() };
-        draft.amplitudes.push(at_mean);
-    }
-    draft.with("reference", format!("{reference:.2} degC, the mean"))
+    draft.with_free_reference(place, factor).with("reference", format!("{reference:.2} degC, the mean"))
 }
 
 /// A plausible range of a number whose unit is not the sensor's.
