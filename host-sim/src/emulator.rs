@@ -30,7 +30,7 @@ const PATIENCE: Duration = Duration::from_secs(5);
 const GIVE_UP: Duration = Duration::from_secs(30);
 
 /// Inputs on their way at a time. They must fit into what lies between: a pipe of 64 kB, the module's receive queue of
-/// 2 kB.
+/// 4 kB.
 const PIPE_WINDOW: usize = 128;
 const SERIAL_WINDOW: usize = 4;
 
@@ -38,7 +38,7 @@ const SERIAL_WINDOW: usize = 4;
 /// COBS and borders.
 const LONGEST_INPUT: usize = size_of::<StepInput>() * 3 / 2 + 20;
 const _: () = assert!(PIPE_WINDOW * LONGEST_INPUT <= 1 << 16);
-const _: () = assert!(SERIAL_WINDOW * LONGEST_INPUT <= 2048);
+const _: () = assert!(SERIAL_WINDOW * LONGEST_INPUT <= 4096);
 
 /// Number of the question who is there: its answer is told from the banner of a restart, which bears 0.
 const HELLO: u32 = u32::MAX;
@@ -258,13 +258,10 @@ impl Emulator {
             "none",
         ]);
         command.arg("-kernel").arg(elf);
-        match kind {
-            Image::Semihosting => {
-                command.args(["-semihosting-config", "enable=on,target=native", "-serial", "null"]);
-            }
-            _ => {
-                command.args(["-chardev", "stdio,id=link,signal=off", "-serial", "chardev:link"]);
-            }
+        if kind.has_semihosting() {
+            command.args(["-semihosting-config", "enable=on,target=native", "-serial", "null"]);
+        } else {
+            command.args(["-chardev", "stdio,id=link,signal=off", "-serial", "chardev:link"]);
         }
         command.args(["-serial", &format!("file:{}", log.display())]);
         command.args(options);

@@ -13,11 +13,12 @@
 //! | [`command`] | the command's arguments, texts and progress |
 //! | [`emulator`] | the flight module behind one interface: in this process, or on the emulated target |
 //! | [`output`] | files that are whole or not there |
+//! | [`campaign`] | cases with concealed effects, sealed answers, and how well they are found
 //! | [`compare_isolation`] | every way of isolating a gyro against the optimum |
 //! | [`calibration_table`] | a calibration experiment on a one-axis table at changing temperature |
-//! | [`compare_isolation`] | the isolation methods against the optimum |
 
 pub mod calibration_table;
+pub mod campaign;
 pub mod command;
 pub mod compare_isolation;
 pub mod emulator;

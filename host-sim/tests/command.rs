@@ -183,6 +183,34 @@ unit = "m/s"
     );
 }
 
+#[test]
+fn compare_isolation_gives_table_figure_and_json_for_any_block() {
+    let directory = tempfile::tempdir().unwrap();
+    let out = directory.path().join("isolation");
+    let arguments = ["compare-isolation", "--trials", "2000", "--faults", "4,8", "--seed", "3"];
+    let all =
+        schuler(&[&arguments[..], &["--json", "--out", out.to_str().unwrap(), "--plot", "svg"]].concat());
+    let answer = json(&all);
+    // Nine methods, two fault sizes; the optimum is no worse than any other.
+    let rows = answer["rows"].as_array().unwrap();
+    assert_eq!(rows.len(), 18);
+    assert!(rows.iter().all(|row| row["ratio"].as_f64().unwrap() <= 1.0 + 1e-9 || row["ratio_error"] != 0.0));
+    assert!(out.join("isolation.svg").exists() && out.join("isolation.json").exists());
+    let words = text(&schuler(&arguments).stdout);
+    assert!(
+        words.contains("sequential filter") && words.contains("condition number, as published"),
+        "{words}"
+    );
+
+    // Seven gyros: everything but the five determinants.
+    let seven = schuler(&[&arguments[..], &["--gyros", "7", "--json"]].concat());
+    let answer = json(&seven);
+    assert_eq!(answer["rows"].as_array().unwrap().len(), 14);
+    assert_eq!(answer["left_out"], serde_json::json!(["determinants", "raw-determinants"]));
+    assert_eq!(schuler(&["compare-isolation", "--gyros", "4"]).status.code(), Some(2));
+    assert_eq!(schuler(&["compare-isolation", "--faults", "nan"]).status.code(), Some(2));
+}
+
 #[cfg(unix)]
 #[test]
 fn ctrl_c_stops_the_run_and_leaves_no_half_written_file() {

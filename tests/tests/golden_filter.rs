@@ -61,7 +61,7 @@ fn fil_7_record_k1_is_the_golden_record() {
 }
 
 #[test]
-fn fil_3_filter_reproduces_the_golden_table() {
+fn fil_3_fil_5_fil_6_filter_reproduces_the_golden_table() {
     let flight = record_k1();
     let truth = scenario_r1();
     let low = mistuned(&truth, [0.1; 2], [0.1; 2]);

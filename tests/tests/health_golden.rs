@@ -35,7 +35,7 @@ fn distance(found: &[Posterior], exact: &[Posterior]) -> f64 {
 }
 
 #[test]
-fn hlt_4_h3_exact_posterior_by_enumeration() {
+fn hlt_4_hlt_10_h3_exact_posterior_by_enumeration() {
     let mut exact = Mixture::exact(&Model::doppler());
     let posteriors: Vec<_> = RESIDUALS[..7].iter().map(|&d| exact.step(Some(d))).collect();
     assert_all_near("w(0)", &posteriors[0].modes, &[0.98670843, 0.00673253, 0.00650596, 0.00005308], 6e-9);
@@ -74,12 +74,12 @@ fn gpb2_has_its_golden_numbers<T: RealField + Copy>(tolerance: f64) {
 }
 
 #[test]
-fn hlt_5_h3_gpb2_in_double_precision() {
+fn hlt_5_hlt_10_h3_gpb2_in_double_precision() {
     gpb2_has_its_golden_numbers::<f64>(1e-7);
 }
 
 #[test]
-fn hlt_5_h3_gpb2_in_single_precision() {
+fn hlt_5_hlt_10_h3_gpb2_in_single_precision() {
     gpb2_has_its_golden_numbers::<f32>(1e-5);
 }
 

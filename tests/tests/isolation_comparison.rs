@@ -1,5 +1,7 @@
 //! The isolation methods against the optimum, as the host compares them.
-use host_sim::compare_isolation::{ComparisonRow, IsolationComparison, IsolationMethod, compare_isolation};
+use host_sim::compare_isolation::{
+    ComparisonRow, IsolationComparison, IsolationMethod, compare_isolation, cone,
+};
 use schuler_core::config::Problem;
 
 fn row(rows: &[ComparisonRow], method: IsolationMethod, fault: f64) -> ComparisonRow {
@@ -83,7 +85,7 @@ fn fdi_3_5_condition_number_depends_on_the_rate() {
 #[test]
 fn fdi_3_2_raw_determinants_on_an_asymmetric_block() {
     let comparison = IsolationComparison {
-        axes: [
+        axes: vec![
             [1.0, 0.0, 0.0],
             [0.0, 1.0, 0.0],
             [0.0, 0.0, 1.0],
@@ -101,6 +103,36 @@ fn fdi_3_2_raw_determinants_on_an_asymmetric_block() {
         assert!((found.probability - raw).abs() < 0.007, "{found:?}");
         assert!((row(&rows, IsolationMethod::Likelihood, fault).probability - likelihood).abs() < 0.007);
         assert!(row(&rows, IsolationMethod::Determinants, fault).differing == 0.0);
+    }
+}
+
+/// From six to twelve gyros: the projector by QR and by singular values and the sequential filter with cyclic permutation
+/// decide as the likelihood test in a parity space that neither of them forms, on the cone and with unequal noise.
+#[test]
+fn fdi_3_methods_agree_for_any_number_of_gyros() {
+    use IsolationMethod as M;
+    for gyros in 6..=12 {
+        for unequal in [false, true] {
+            let sigma = (0..gyros).map(|k| if unequal && k % 2 == 0 { 2.0 } else { 1.0 }).collect();
+            let comparison = IsolationComparison {
+                axes: cone(gyros),
+                sigma,
+                faults: vec![4.0],
+                rate: 1e3,
+                trials: 10_000,
+                ..IsolationComparison::default()
+            };
+            let rows = compare_isolation(&comparison).expect("makes sense");
+            print(&rows);
+            let optimum = row(&rows, M::Likelihood, 4.0).probability;
+            assert!(optimum > 0.6, "{gyros} gyros: {optimum}");
+            for method in [M::Projector, M::ProjectorBySvd, M::SequentialFilter] {
+                let found = row(&rows, method, 4.0);
+                assert!(found.differing <= 2e-4, "{gyros} gyros: {found:?}");
+            }
+            assert!(row(&rows, M::ConditionNumberOfResidual, 4.0).ratio > 0.98, "{gyros} gyros");
+            assert!(rows.iter().all(|r| r.method != M::Determinants && r.method != M::RawDeterminants));
+        }
     }
 }
 
@@ -133,7 +165,7 @@ fn comparison_is_reproducible_and_rejects_nonsense() {
         (
             "isolation.sigma",
             Problem::NotPositive,
-            IsolationComparison { sigma: [0.0; 5], ..comparison.clone() },
+            IsolationComparison { sigma: vec![0.0; 5], ..comparison.clone() },
         ),
     ] {
         let error = compare_isolation(&comparison).expect_err("makes no sense");

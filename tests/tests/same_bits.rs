@@ -26,6 +26,7 @@ fn configurations() -> [ModuleConfig; 2] {
     other.filter.gyro.tau_s = 600.0;
     other.filter.velocity_noise = 0.05;
     other.max_age_ms = 500;
+    // The one that the calibration of the block looks at.
     other.thermometers[2] = None;
     [everything(), other]
 }

@@ -40,7 +40,7 @@ fn clean(t: u64, y: f64) -> (u64, f64) {
 }
 
 #[test]
-fn tmp_8_golden_g1_add_and_remove() {
+fn tmp_8_tmp_10_golden_g1_add_and_remove() {
     let mut form_a = Incremental {
         x: Vector3::new(20.0, 1.0, -2.0),
         s: Matrix3::new(0.5, 0.0, 0.0, 0.2, 1.0, 0.0, -0.1, 0.3, 2.0),
@@ -61,7 +61,7 @@ fn tmp_8_golden_g1_add_and_remove() {
 }
 
 #[test]
-fn tmp_3_golden_g2_shift_of_the_origin() {
+fn tmp_3_tmp_10_golden_g2_shift_of_the_origin() {
     let mut form_a = Incremental::start(0.0, 1800.0);
     form_a.x = Vector3::new(20.0, 1.0, -2.0);
     let before = form_a.at(2000.0);
@@ -122,12 +122,12 @@ fn check_g3<F: Scalar>(tolerance_t: f64, tolerance_d: f64) {
 }
 
 #[test]
-fn tmp_7_golden_g3_double() {
+fn tmp_7_tmp_10_golden_g3_double() {
     check_g3::<f64>(1e-6, 1e-6);
 }
 
 #[test]
-fn tmp_7_golden_g3_single() {
+fn tmp_7_tmp_10_golden_g3_single() {
     check_g3::<f32>(1e-4, 1e-3);
 }
 
@@ -138,7 +138,7 @@ fn same(a: &TemperatureRateOutput<f32>, b: &TemperatureRateOutput<f32>) -> bool 
 }
 
 #[test]
-fn tmp_7_golden_g4_single_spikes_change_nothing() {
+fn tmp_7_tmp_10_golden_g4_single_spikes_change_nothing() {
     let (expected, _) = fly::<f32>(0.25, clean);
     let spikes = [1000, 2500, 4000];
     let (got, _) = fly::<f32>(0.25, |t, y| (1000 * t, if spikes.contains(&t) { y + 5.0 } else { y }));
@@ -146,7 +146,7 @@ fn tmp_7_golden_g4_single_spikes_change_nothing() {
 }
 
 #[test]
-fn tmp_7_golden_g4_short_gap_is_forgotten() {
+fn tmp_7_tmp_10_golden_g4_short_gap_is_forgotten() {
     let (expected, _) = fly::<f32>(0.25, clean);
     let (got, counts) =
         fly::<f32>(0.25, |t, y| (1000 * t, if (1500..1700).contains(&t) { f64::NAN } else { y }));
@@ -158,7 +158,7 @@ fn tmp_7_golden_g4_short_gap_is_forgotten() {
 }
 
 #[test]
-fn tmp_7_golden_g4_long_gap_restarts_once() {
+fn tmp_7_tmp_10_golden_g4_long_gap_restarts_once() {
     let (expected, _) = fly::<f32>(0.25, clean);
     let (got, counts) =
         fly::<f32>(0.25, |t, y| (1000 * t, if (3000..3600).contains(&t) { f64::NAN } else { y }));
@@ -170,7 +170,7 @@ fn tmp_7_golden_g4_long_gap_restarts_once() {
 }
 
 #[test]
-fn tmp_7_golden_g4_repeated_and_backward_stamps_change_nothing() {
+fn tmp_7_tmp_10_golden_g4_repeated_and_backward_stamps_change_nothing() {
     let (expected, _) = fly::<f32>(0.25, clean);
     let mut estimator =
         TemperatureRate::try_build(&TemperatureRateConfig::of_quantum(0.25f32)).expect("valid");
@@ -186,7 +186,7 @@ fn tmp_7_golden_g4_repeated_and_backward_stamps_change_nothing() {
 }
 
 #[test]
-fn tmp_7_golden_g4_constant_reading() {
+fn tmp_7_tmp_10_golden_g4_constant_reading() {
     let mut estimator =
         TemperatureRate::try_build(&TemperatureRateConfig::of_quantum(0.25f32)).expect("valid");
     for t in 0..9000u64 {
@@ -308,6 +308,35 @@ fn tmp_7_configuration_names_the_field() {
 /// The updates in use: time, s, and temperature, degC.
 fn entries(estimator: &TemperatureRate<f64>) -> Vec<(f64, f64)> {
     estimator.entries().map(|e| (e.time_ms as f64 / 1000.0 - 360.0, e.value)).collect()
+}
+
+/// After every step nothing is left in the window that should have gone, six always remain, and what is left spans the
+/// window: a constant reading removes nothing before four windows have passed.
+#[test]
+fn tmp_5_the_window_keeps_its_span_and_six_entries() {
+    const WINDOW_S: f64 = 450.0;
+    for constant_after in [f64::INFINITY, 2000.0] {
+        let config = TemperatureRateConfig::of_quantum(0.0625f64);
+        assert_eq!(f64::from(config.window_s), WINDOW_S);
+        let mut estimator = TemperatureRate::try_build(&config).expect("valid");
+        let (mut most, mut removed) = (0, 0);
+        for second in 0..9000u64 {
+            let t = second as f64;
+            let before = entries(&estimator).first().copied();
+            estimator.step(1000 * second, &Reading::good(reading(t.min(constant_after), 0.0625)));
+            let held = entries(&estimator);
+            most = most.max(held.len());
+            removed += usize::from(before.is_some() && before != held.first().copied());
+            assert!((6..=64).contains(&held.len()), "{second}: {}", held.len());
+            let (oldest, follower, newest) = (held[0].0, held[1].0, held[held.len() - 1].0);
+            let stale =
+                (t - oldest > WINDOW_S && newest - follower >= WINDOW_S) || t - oldest > 4.0 * WINDOW_S;
+            assert!(!stale || held.len() == 6, "{second}: {oldest} {follower} {newest}");
+            // Rule 2: what went left the span at least a window, unless it was too old altogether.
+            assert!(newest - oldest >= WINDOW_S.min(300.0) || held.len() == 6, "{second}: {oldest} {newest}");
+        }
+        assert!(most > 12 && removed > 20, "{most} {removed}");
+    }
 }
 
 /// Form A as one dense least-squares problem, with the weak prior of form B (rate 0 ± 100 degC/h and its change

@@ -4,20 +4,21 @@ use schuler_recording::Recording;
 use thiserror::Error;
 
 use crate::arrays::arrays;
-use crate::catalogue::{CATALOGUE, Candidate, Search, Target};
+use crate::catalogue::{CATALOGUE, Candidate, Port, ReadingFault, Search, Target};
 use crate::description::{Term, sensors_of};
 use crate::equivalence::{alternatives, class, target_name};
 use crate::evidence::CaseArrays;
-use crate::explanation::{Evidence, Explanation, FORMAT, Finding, Fit, NoiseShift, Verdict};
+use crate::explanation::{Evidence, Explanation, FORMAT, Finding, Fit, NoiseShift, Parameter, Verdict};
 use crate::hold_out::hold_out;
 use crate::inputs::Inputs;
 use crate::locate;
 use crate::noise::{Knob, Noise};
 use crate::noise_fit::SourceKnob;
 use crate::nominal::{FEWEST_ROWS, Model};
+use crate::readings::{Fault, faults};
 use crate::refit::parameters;
 use crate::search::Family;
-use crate::select::{Item, Selection, Shown, select};
+use crate::select::{Item, Selection, select};
 use crate::sentence::sentence;
 use crate::state::{Bench, Case, State, refitted};
 
@@ -119,8 +120,11 @@ fn explained<S>(
     if !(options.level > 0.0 && options.level < 1.0) {
         return Err(Error::Level(options.level.to_string()));
     }
-    let masked = vec![Vec::new(); recording.sensors.len()];
-    let mut model = Model::new(recording, &masked).map_err(Error::NothingToCompare)?;
+    let unmasked = Model::new(recording, &[]).map_err(Error::NothingToCompare)?;
+    let (faults, masked) = faults(recording, &unmasked);
+    let mut model =
+        if faults.is_empty() { unmasked } else { Model::new(recording, &masked).map_err(Error::NothingToCompare)? };
+    account_for_lattices(&mut model, &faults);
     candidates.retain(|candidate| acts(&model, candidate));
     let nuisances = estimate_unknown(&mut model);
     let noises = model.nominal_noises();
@@ -142,7 +146,9 @@ fn explained<S>(
         log_likelihood: f64::NEG_INFINITY,
     };
     let mut selection = select(&case, &start, options.level);
-    let findings = findings(&case, &mut selection);
+    let mut findings = findings(&case, &mut selection);
+    findings.extend(of_readings(recording, &case, &selection.family, &faults, options.level));
+    findings.sort_by(|a, b| b.evidence.gain_nats.total_cmp(&a.evidence.gain_nats));
     let located = locate::locate(&case, &selection.null, inputs);
     let (left, remainder) = locate::left(&case, &selection.state, inputs);
     let verdict = match (findings.is_empty(), left) {
@@ -158,6 +164,69 @@ fn explained<S>(
     Ok((Explanation { format: FORMAT, verdict, findings, fit, located, remainder, notes }, shown))
 }
 
+/// What is rounded to a lattice has the variance of the rounding.
+fn account_for_lattices(model: &mut Model, faults: &[Fault]) {
+    for fault in faults.iter().filter(|fault| fault.fault == ReadingFault::Quantised) {
+        let step = fault.parameters.first().map_or(0.0, |parameter| parameter.1);
+        for source in model.sources.iter_mut().filter(|s| s.sensor == fault.sensor && s.port == Port::Output) {
+            source.nominal.rounding = step;
+        }
+    }
+}
+
+/// The findings of faults in readings.
+fn of_readings(
+    recording: &Recording,
+    case: &Case<'_>,
+    family: &Family,
+    faults: &[Fault],
+    level: f64,
+) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    for fault in faults {
+        let candidate = case.candidates.iter().find(|candidate| {
+            matches!(candidate.search, Search::Readings(found) if found == fault.fault)
+                && candidate.target == Target::Sensor(fault.sensor)
+                && candidate.port == Port::Output
+        });
+        let Some(candidate) = candidate else { continue };
+        let ln_p = family.ln_p(candidate, fault.evidence);
+        if ln_p > level.ln() {
+            continue;
+        }
+        let Some(series) = recording.sensors.get(fault.sensor) else { continue };
+        let named = target_name(case.model, candidate);
+        let sensor = if named.is_empty() { series.sensor.id.clone() } else { named };
+        let unit = series.written_unit;
+        let at = |row: usize| case.time_s.get(row).copied().unwrap_or_default();
+        let parameters: Vec<Parameter> = (fault.parameters.iter())
+            .map(|&(name, value, in_unit)| {
+                let (value, unit) = match name {
+                    "onset_s" => (at(value as usize), "s"),
+                    _ if in_unit => (value / unit.in_si(), unit.name()),
+                    _ => (value, "1"),
+                };
+                let (value, unit) = (Some(value), Some(unit.to_owned()));
+                Parameter { name: name.to_owned(), value, sigma: None, unit, text: None, plausible: None }
+            })
+            .collect();
+        let interval_s = [at(fault.rows.0), at(fault.rows.1.saturating_sub(1))];
+        let id = candidate.effect.id.to_owned();
+        findings.push(Finding {
+            sentence: sentence(candidate, &sensor, &parameters, interval_s, case.time_s),
+            sensor,
+            class: vec![id.clone()],
+            effect: id,
+            interval_s,
+            parameters,
+            evidence: Evidence { gain_nats: fault.evidence, p_value: ln_p.exp() },
+            noise_shift: Vec::new(),
+            rivals: Vec::new(),
+        });
+    }
+    findings
+}
+
 /// Whether a candidate acts on anything that is compared.
 fn acts(model: &Model, candidate: &Candidate) -> bool {
     let shaped = match &candidate.search {
@@ -166,6 +235,7 @@ fn acts(model: &Model, candidate: &Candidate) -> bool {
         _ => !candidate.amplitudes.is_empty(),
     };
     let reached = sensors_of(candidate).iter().any(|&sensor| model.source_of(sensor, candidate.port).is_some());
+    let reached = reached || matches!(candidate.search, Search::Readings(_));
     let whole = match (&candidate.search, &candidate.target) {
         // What is searched at every time or frequency is of one sensor.
         (Search::Onset(_) | Search::Frequency | Search::Noise(_), Target::Group { .. }) => false,
@@ -214,7 +284,7 @@ fn findings<'c>(case: &'c Case<'c>, selection: &mut Selection<'c>) -> Vec<Findin
         let (ways, less) = alternatives(case, &selection.state, item, &selection.family);
         if let (Item::Term(place), Some(first)) = (item, ways.first())
             && let Some(term) = &first.term
-            && first.evidence > shown.evidence
+            && (first.evidence > shown.evidence || whole_instrument(case, term, &selection.state.terms[place]))
         {
             selection.state.terms[place] = term.clone();
         }
@@ -251,7 +321,7 @@ fn findings<'c>(case: &'c Case<'c>, selection: &mut Selection<'c>) -> Vec<Findin
                 class,
                 interval_s,
                 parameters,
-                evidence: evidence_of(&selection.family, candidate, shown),
+                evidence: Evidence { gain_nats: shown.gain, p_value: shown.ln_p.exp() },
                 sentence,
                 noise_shift: noise_shift(case, &less, state),
                 rivals,
@@ -262,8 +332,11 @@ fn findings<'c>(case: &'c Case<'c>, selection: &mut Selection<'c>) -> Vec<Findin
     findings
 }
 
-fn evidence_of(_family: &Family, _candidate: &Candidate, shown: Shown) -> Evidence {
-    Evidence { gain_nats: shown.gain, p_value: shown.ln_p.exp() }
+/// Whether `term` is the same effect as `selected` on the whole instrument.
+fn whole_instrument(case: &Case<'_>, term: &Term, selected: &Term) -> bool {
+    let (whole, one) = (&case.candidates[term.candidate], &case.candidates[selected.candidate]);
+    whole.effect.id == one.effect.id
+        && matches!((&whole.target, &one.target), (Target::Group { .. }, Target::Sensor(_)))
 }
 
 fn candidate_of(state: &State, item: Item) -> usize {

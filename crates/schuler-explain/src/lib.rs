@@ -29,3 +29,4 @@ pub mod hold_out;
 pub mod explain;
 pub mod sentence;
 pub mod locate;
+pub mod readings;

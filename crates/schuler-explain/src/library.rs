@@ -138,7 +138,17 @@ impl Library {
             .into_par_iter()
             .filter_map(|block| {
                 let whitened = whitened[block].as_ref()?;
-                BlockSums::new(model, filters, block, whitened, candidates, &entries, terms, first, correlations)
+                BlockSums::new(
+                    model,
+                    filters,
+                    block,
+                    whitened,
+                    candidates,
+                    &entries,
+                    terms,
+                    first,
+                    correlations,
+                )
             })
             .collect();
         let mut library = Self { entries, regressors, blocks, prepared: Vec::new() };
@@ -168,8 +178,7 @@ impl Library {
                     }
                 }
                 let solution = solve_seen(&normal, &DVector::zeros(columns.len()), SEEN_COMBINATION);
-                let rank =
-                    if entry.unit_amplitude { usize::from(normal.sum() > 0.0) } else { solution.rank };
+                let rank = if entry.unit_amplitude { usize::from(normal.sum() > 0.0) } else { solution.rank };
                 Prepared { projection, normal, rank, inverse: solution.covariance }
             })
             .collect();
@@ -316,9 +325,7 @@ impl BlockSums {
         let mut waiting: Vec<Vec<f64>> = Vec::new();
         let run = |waiting: &mut Vec<Vec<f64>>, whitened: &mut Vec<Vec<f32>>| {
             let views: Vec<&[f64]> = waiting.iter().map(Vec::as_slice).collect();
-            let mut fresh = vec![vec![0.0_f32; data.len()]; views.len()];
-            filter.whiten_into(&views, &mut fresh);
-            whitened.append(&mut fresh);
+            whitened.append(&mut filter.whiten_single(&views));
             waiting.clear();
         };
         let projected = crate::description::project(model, block_index, terms);
@@ -359,20 +366,12 @@ impl BlockSums {
         }
         let scores = DVector::from_iterator(
             ids.len(),
-            whitened.iter().map(|column| column.iter().zip(data).map(|(a, b)| f64::from(*a) * b).sum::<f64>()),
+            whitened
+                .iter()
+                .map(|column| column.iter().zip(data).map(|(a, b)| f64::from(*a) * b).sum::<f64>()),
         );
-        let rows: Vec<Vec<f64>> = (0..ids.len())
-            .into_par_iter()
-            .map(|i| {
-                (0..=i)
-                    .map(|j| {
-                        let needed = correlations || j < regressors || groups[i] == groups[j];
-                        if needed { dot(&whitened[i], &whitened[j]) } else { 0.0 }
-                    })
-                    .collect()
-            })
-            .collect();
-        let normal = DMatrix::from_fn(ids.len(), ids.len(), |i, j| rows[i.max(j)][i.min(j)]);
+        let normal =
+            normal_matrix(&whitened, |i, j| correlations || j < regressors || groups[i] == groups[j]);
         Some(Self { place, scores, normal })
     }
 }
@@ -383,26 +382,53 @@ fn ln_number_of_mean(mean: f64) -> f64 {
     let (mut low, mut high) = (0.0_f64, 20.0_f64);
     for _ in 0..40 {
         let middle = 0.5 * (low + high);
-        if statrs::function::gamma::digamma(middle.exp() + 1.0) < target { low = middle } else { high = middle }
+        if statrs::function::gamma::digamma(middle.exp() + 1.0) < target {
+            low = middle
+        } else {
+            high = middle
+        }
     }
     low
 }
 
-/// Sum of products, in single precision over tiles.
-fn dot(a: &[f32], b: &[f32]) -> f64 {
-    const LANES: usize = 16;
-    let mut total = 0.0;
-    for (a, b) in a.chunks(TILE_ROWS).zip(b.chunks(TILE_ROWS)) {
-        let mut sums = [0.0_f32; LANES];
-        let (a_lanes, b_lanes) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
-        let (a_rest, b_rest) = (a_lanes.remainder(), b_lanes.remainder());
-        for (a, b) in a_lanes.zip(b_lanes) {
-            for lane in 0..LANES {
-                sums[lane] += a[lane] * b[lane];
+/// Sums of products of columns, those that are needed, in single precision over tiles that fit into the cache.
+fn normal_matrix(columns: &[Vec<f32>], needed: impl Fn(usize, usize) -> bool + Sync) -> DMatrix<f64> {
+    let size = columns.len();
+    let rows = columns.first().map_or(0, Vec::len);
+    let tiles = rows.div_ceil(TILE_ROWS);
+    let share = tiles.div_ceil(rayon::current_num_threads().max(1)).max(1);
+    let parts: Vec<DMatrix<f64>> = (0..tiles.div_ceil(share))
+        .into_par_iter()
+        .map(|part| {
+            let mut normal = DMatrix::zeros(size, size);
+            for tile in part * share..((part + 1) * share).min(tiles) {
+                let range = tile * TILE_ROWS..((tile + 1) * TILE_ROWS).min(rows);
+                for i in 0..size {
+                    let a = &columns[i][range.clone()];
+                    for j in (0..=i).filter(|&j| needed(i, j)) {
+                        normal[(i, j)] += f64::from(dot(a, &columns[j][range.clone()]));
+                    }
+                }
             }
+            normal
+        })
+        .collect();
+    let mut normal = parts.into_iter().fold(DMatrix::zeros(size, size), |sum, part| sum + part);
+    normal.fill_upper_triangle_with_lower_triangle();
+    normal
+}
+
+/// Sum of products over a tile.
+fn dot(a: &[f32], b: &[f32]) -> f32 {
+    const LANES: usize = 16;
+    let mut sums = [0.0_f32; LANES];
+    let (a_lanes, b_lanes) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
+    let (a_rest, b_rest) = (a_lanes.remainder(), b_lanes.remainder());
+    for (a, b) in a_lanes.zip(b_lanes) {
+        for lane in 0..LANES {
+            sums[lane] += a[lane] * b[lane];
         }
-        let rest: f32 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
-        total += f64::from(sums.iter().sum::<f32>() + rest);
     }
-    total
+    let rest: f32 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
+    sums.iter().sum::<f32>() + rest
 }

@@ -212,7 +212,8 @@ impl View<'_> {
                 starts
             }
             NoiseChange::ExponentialCosine => {
-                let knobs = |part| vec![Knob::CosineSigma(part), Knob::CosineAlpha(part), Knob::CosineBeta(part)];
+                let knobs =
+                    |part| vec![Knob::CosineSigma(part), Knob::CosineAlpha(part), Knob::CosineBeta(part)];
                 let mut starts: Vec<Start> = (0..own.exp_cos.len())
                     .map(|part| Start {
                         noises: self.noises.to_vec(),
@@ -226,7 +227,8 @@ impl View<'_> {
                     let beta = omega / step_s;
                     for damping in [0.03, 0.2, 1.0] {
                         for level in LEVELS {
-                            let noise = ExponentialCosine { sigma: level * unit, alpha: damping * beta, beta };
+                            let noise =
+                                ExponentialCosine { sigma: level * unit, alpha: damping * beta, beta };
                             starts.push(Start {
                                 noises: with(&|own| own.exp_cos.push(noise)),
                                 knobs: knobs(part),

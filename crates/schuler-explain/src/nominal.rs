@@ -150,7 +150,8 @@ impl Model {
     fn add_source(&mut self, recording: &Recording, index: usize) -> usize {
         let series = &recording.sensors[index];
         let nominal = Noise::nominal(&series.sensor.nominal, series.sensor.quantisation);
-        let unknown = series.sensor.nominal.white == 0.0 && nominal.markov.is_empty() && nominal.exp_cos.is_empty();
+        let unknown =
+            series.sensor.nominal.white == 0.0 && nominal.markov.is_empty() && nominal.exp_cos.is_empty();
         self.sources.push(Source {
             name: series.sensor.id.clone(),
             sensor: index,
@@ -176,7 +177,8 @@ impl Model {
             let scale = 1.0 + 1e-6 * sensor.nominal.scale_factor_ppm;
             let data: Vec<f64> = (series.values.iter().zip(&own).enumerate())
                 .map(|(row, (value, own))| {
-                    let hidden = masked.get(index).and_then(|rows| rows.get(row)).is_some_and(|&hidden| hidden);
+                    let hidden =
+                        masked.get(index).and_then(|rows| rows.get(row)).is_some_and(|&hidden| hidden);
                     if hidden { f64::NAN } else { value - scale * prediction.at(row) - own }
                 })
                 .collect();
@@ -229,7 +231,8 @@ impl Model {
                 let series = &recording.sensors[index];
                 let scale = 1.0 + 1e-6 * series.sensor.nominal.scale_factor_ppm;
                 for row in 0..rows {
-                    let hidden = masked.get(index).and_then(|rows| rows.get(row)).is_some_and(|&hidden| hidden);
+                    let hidden =
+                        masked.get(index).and_then(|rows| rows.get(row)).is_some_and(|&hidden| hidden);
                     let value = if hidden { f64::NAN } else { (series.values[row] - own[row]) / scale };
                     for channel in 0..parity.nrows() {
                         data[channel * rows + row] += parity[(channel, column)] * value;
@@ -250,7 +253,8 @@ impl Model {
             let own = own_part(recording, index);
             let data: Vec<f64> = (series.values.iter().zip(&own).enumerate())
                 .map(|(row, (value, own))| {
-                    let hidden = masked.get(index).and_then(|rows| rows.get(row)).is_some_and(|&hidden| hidden);
+                    let hidden =
+                        masked.get(index).and_then(|rows| rows.get(row)).is_some_and(|&hidden| hidden);
                     if hidden { f64::NAN } else { value - own }
                 })
                 .collect();
@@ -414,7 +418,9 @@ impl Block {
             }
             Geometry::Loop(step) => {
                 let (_, values) = column.parts.iter().find(reaches)?;
-                Some(step.of_port(port).map_or_else(|| values.clone(), |enters| step.response(values, enters)))
+                Some(
+                    step.of_port(port).map_or_else(|| values.clone(), |enters| step.response(values, enters)),
+                )
             }
         }
     }
@@ -578,6 +584,17 @@ impl Block {
                 vec![((z - d) * enters[0] + b * enters[1]) / determinant]
             }
         }
+    }
+
+    /// Place of the sensor whose error would look most like a vector of the channels.
+    pub fn nearest(&self, vector: &[f64]) -> usize {
+        let Geometry::Parity(parity) = &self.geometry else { return 0 };
+        let along = |place: usize| {
+            let column = parity.column(place);
+            let dot: f64 = column.iter().zip(vector).map(|(a, b)| a * b).sum();
+            dot.abs() / column.norm().max(1e-12)
+        };
+        (0..self.sensors.len()).max_by(|&a, &b| along(a).total_cmp(&along(b))).unwrap_or_default()
     }
 
     /// Step, s.

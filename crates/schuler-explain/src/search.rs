@@ -6,22 +6,23 @@
 //! probabilities count all candidates of all sensors; each family of candidates has a share of the level.
 use rayon::prelude::*;
 
-use crate::catalogue::{Candidate, Search, Target};
+use crate::catalogue::{Candidate, NoiseChange, OnsetShape, Search, Target};
 use crate::description::Term;
 use crate::library::{Library, NullDistribution};
 use crate::minimise::{golden, simplex};
 use crate::noise_change::{ChangeFit, View};
+use crate::nominal::Source;
 use crate::scan::{Scan, Scanner};
+use crate::spectrum::Spectrum;
 use crate::state::{Bench, State};
 use crate::statistics::ln_chi_squared_tail;
 
 /// Shares of the level: linear and grid candidates, onsets, frequencies, noise, readings.
-const SHARE_LINEAR: f64 = 0.7;
-const SHARE_ONSET: f64 = 0.15;
+const SHARE_LINEAR: f64 = 0.6;
+const SHARE_ONSET: f64 = 0.2;
 const SHARE_FREQUENCY: f64 = 0.05;
-const SHARE_NOISE: f64 = 0.05;
-/// Share of the faults found in readings.
-pub const SHARE_READINGS: f64 = 0.05;
+const SHARE_NOISE: f64 = 0.1;
+const SHARE_READINGS: f64 = 0.05;
 /// Deterministic candidates that are evaluated exactly.
 const SHORT_LIST: usize = 8;
 /// The same where many are about as good, and how many nats behind that is.
@@ -30,7 +31,9 @@ const CLOSE: f64 = 8.0;
 /// Evidence below which a candidate is not evaluated exactly.
 const LEAST_EVIDENCE: f64 = 1.0;
 /// How finely a parameter is refined, as a part of the distance between neighbours of the grid.
-const REFINED: f64 = 2e-3;
+const REFINED: f64 = 0.02;
+/// The same for what was accepted.
+const FINELY_REFINED: f64 = 1e-3;
 /// Half width of the refinement of an onset of a ramp, as a part of the record.
 const ONSET_WIDTH: f64 = 0.05;
 
@@ -55,6 +58,7 @@ pub struct Family {
     onsets: usize,
     frequencies: usize,
     noises: usize,
+    readings: usize,
 }
 
 /// Where and how much a candidate promises, before it is evaluated exactly.
@@ -79,6 +83,7 @@ impl Family {
             onsets: count(|search| matches!(search, Search::Onset(_))),
             frequencies: count(|search| matches!(search, Search::Frequency)),
             noises: count(|search| matches!(search, Search::Noise(_))),
+            readings: count(|search| matches!(search, Search::Readings(_))),
         }
     }
 
@@ -95,7 +100,7 @@ impl Family {
             Search::Onset(_) => several(self.onsets, SHARE_ONSET),
             Search::Frequency => several(self.frequencies, SHARE_FREQUENCY),
             Search::Noise(_) => several(self.noises, SHARE_NOISE),
-            Search::Readings(_) => -evidence - SHARE_READINGS.ln(),
+            Search::Readings(_) => several(self.readings, SHARE_READINGS),
         };
         ln_p.min(0.0)
     }
@@ -124,8 +129,12 @@ pub fn deterministic(
     let close = promises.partition_point(|promise| promise.evidence > best - CLOSE);
     promises.truncate(close.clamp(SHORT_LIST, LONGEST_LIST));
     let mut proposals: Vec<Proposal> =
-        promises.par_iter().filter_map(|promise| bench.refine(promise)).collect();
+        promises.par_iter().filter_map(|promise| bench.refine(promise, REFINED)).collect();
+    proposals.extend(crate::readings::jumps(bench, wanted));
     proposals.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+    // A candidate with several promises stands by its best.
+    let mut seen = std::collections::HashSet::new();
+    proposals.retain(|proposal| seen.insert(proposal.term.candidate));
     proposals
 }
 
@@ -177,8 +186,20 @@ fn promises_of_scans(bench: &Bench<'_>, wanted: &(dyn Fn(usize) -> bool + Sync))
                     Search::Frequency => scanner.frequencies(sensor, candidate.port, &bench.noises),
                     _ => None,
                 };
-                let Some(Scan { peaks, ln_places }) = scan else { continue };
+                let Some(Scan { peaks, mut ln_places }) = scan else { continue };
                 let freedom = candidate.amplitudes.len().max(1);
+                if matches!(candidate.search, Search::Onset(OnsetShape::Ramp)) {
+                    // A drift over the whole record is one place of its own; it pays for itself and not for the scan.
+                    ln_places += std::f64::consts::LN_2;
+                    let term = Term::new(place, candidate, &[0.0], bench.case.time_s);
+                    let gain = bench.gain_of(&term).0;
+                    promises.push(Promise {
+                        candidate: place,
+                        starts: vec![vec![0.0]],
+                        evidence: evidence(gain, freedom, std::f64::consts::LN_2),
+                        ln_places: std::f64::consts::LN_2,
+                    });
+                }
                 let gain = peaks.first().map_or(0.0, |peak| peak.gain);
                 promises.push(Promise {
                     candidate: place,
@@ -201,14 +222,14 @@ impl Bench<'_> {
             evidence: 0.0,
             ln_places: 0.0,
         };
-        self.refine(&promise).map_or_else(
+        self.refine(&promise, FINELY_REFINED).map_or_else(
             || (term.clone(), 0.0),
             |proposal| (proposal.term, proposal.gain),
         )
     }
 
     /// Evaluates a promise exactly and refines its parameters.
-    fn refine(&self, promise: &Promise) -> Option<Proposal> {
+    fn refine(&self, promise: &Promise, refined: f64) -> Option<Proposal> {
         let candidate = &self.case.candidates[promise.candidate];
         let term_at = |point: &[f64]| Term::new(promise.candidate, candidate, point, self.case.time_s);
         let gain_at = |point: &[f64]| self.gain_of(&term_at(point)).0;
@@ -219,18 +240,18 @@ impl Bench<'_> {
                     let neighbours: Vec<(f64, f64)> = (parameters.iter().zip(start))
                         .map(|(parameter, &value)| neighbours(&parameter.grid, value))
                         .collect();
-                    refine_inside(start, &neighbours, gain_at)
+                    refine_inside(start, &neighbours, gain_at, refined)
                 }
                 Search::Frequency => {
                     let length_s = self.case.time_s.last().copied().unwrap_or(1.0).max(f64::MIN_POSITIVE);
                     let half = 0.6 / length_s;
-                    refine_inside(start, &[(start[0] - half, start[0] + half)], gain_at)
+                    refine_inside(start, &[(start[0] - half, start[0] + half)], gain_at, refined)
                 }
-                Search::Onset(crate::catalogue::OnsetShape::Ramp) => {
+                Search::Onset(OnsetShape::Ramp) if start.first().is_some_and(|&onset| onset > 0.0) => {
                     let length_s = self.case.time_s.last().copied().unwrap_or(1.0);
                     let half = ONSET_WIDTH * length_s;
                     let range = ((start[0] - half).max(0.0), (start[0] + half).min(0.99 * length_s));
-                    refine_inside(start, &[range], gain_at)
+                    refine_inside(start, &[range], gain_at, refined)
                 }
                 _ => (start.clone(), gain_at(start)),
             };
@@ -248,10 +269,7 @@ impl Bench<'_> {
     /// What a change of the noise of each source would gain, best first.
     pub fn noise_changes(&self, state: &State) -> Vec<(usize, ChangeFit)> {
         let model = self.case.model;
-        let views: Vec<_> = (0..model.blocks.len())
-            .into_par_iter()
-            .map(|index| self.spectrum(index))
-            .collect();
+        let spectra: Vec<_> = (0..model.blocks.len()).into_par_iter().map(|index| self.spectrum(index)).collect();
         let mut found: Vec<(usize, ChangeFit)> = (self.case.candidates.par_iter().enumerate())
             .filter_map(|(place, candidate)| {
                 let Search::Noise(change) = candidate.search else { return None };
@@ -264,21 +282,32 @@ impl Bench<'_> {
                     return None;
                 }
                 let index = model.blocks.iter().position(|block| block.sources.contains(&source))?;
-                let whitened = self.blocks[index].as_ref()?;
-                let view = View {
-                    block: &model.blocks[index],
-                    projected: &whitened.projected,
-                    noises: &self.noises,
-                    filter: self.filters.of_block[index].as_ref()?,
-                    whitened: &whitened.remainder,
-                    spectrum: views[index].as_ref()?,
-                    log_likelihood: whitened.log_likelihood,
-                };
+                let view = self.view(index, spectra[index].as_ref()?)?;
                 Some((place, view.fit(source, &model.sources[source], change)?))
             })
             .collect();
         found.sort_by(|a, b| a.1.ln_p.total_cmp(&b.1.ln_p));
         found
+    }
+
+    /// The best fit of one change of the noise of a source.
+    pub fn fit_change(&self, source: usize, origin: &Source, change: NoiseChange) -> Option<ChangeFit> {
+        let index = self.case.model.blocks.iter().position(|block| block.sources.contains(&source))?;
+        let spectrum = self.spectrum(index)?;
+        self.view(index, &spectrum)?.fit(source, origin, change)
+    }
+
+    fn view<'v>(&'v self, index: usize, spectrum: &'v Spectrum) -> Option<View<'v>> {
+        let whitened = self.blocks[index].as_ref()?;
+        Some(View {
+            block: &self.case.model.blocks[index],
+            projected: &whitened.projected,
+            noises: &self.noises,
+            filter: self.filters.of_block[index].as_ref()?,
+            whitened: &whitened.remainder,
+            spectrum,
+            log_likelihood: whitened.log_likelihood,
+        })
     }
 }
 
@@ -291,7 +320,12 @@ fn neighbours(grid: &[f64], value: f64) -> (f64, f64) {
 }
 
 /// The point with the largest gain between neighbours; logarithmic where they are positive and far apart.
-pub fn refine_inside(start: &[f64], ranges: &[(f64, f64)], gain_at: impl Fn(&[f64]) -> f64) -> (Vec<f64>, f64) {
+pub fn refine_inside(
+    start: &[f64],
+    ranges: &[(f64, f64)],
+    gain_at: impl Fn(&[f64]) -> f64,
+    refined: f64,
+) -> (Vec<f64>, f64) {
     let logarithmic = |range: &(f64, f64)| range.0 > 0.0 && range.1 > 1.2 * range.0;
     let forward = |range: &(f64, f64), value: f64| if logarithmic(range) { value.ln() } else { value };
     let back = |range: &(f64, f64), value: f64| {
@@ -306,7 +340,7 @@ pub fn refine_inside(start: &[f64], ranges: &[(f64, f64)], gain_at: impl Fn(&[f6
                 return here;
             }
             let cost = |value: f64| -gain_at(&[back(range, value)]);
-            let (value, cost) = golden(low, high, REFINED * (high - low), cost);
+            let (value, cost) = golden(low, high, refined * (high - low), cost);
             (vec![back(range, value)], -cost)
         }
         _ => {

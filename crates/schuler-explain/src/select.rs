@@ -5,7 +5,9 @@
 //! noise of another structure, so that each is judged beside the other: of the three the one with the most evidence is
 //! taken, and what enters must be significant, family-wise, beside everything that is there. What is no longer
 //! significant after something else entered leaves again.
-use crate::catalogue::Target;
+use rayon::prelude::*;
+
+use crate::catalogue::{NoiseChange, Target};
 use crate::description::{Term, blocks_of};
 use crate::library::Library;
 use crate::noise_change::ChangeFit;
@@ -24,6 +26,10 @@ const MOST_ROUNDS: usize = 10;
 const NOISE_WORTH_TRYING: f64 = 6.0;
 /// Terms that are tried together with a noise change.
 const TRIED_TOGETHER: usize = 3;
+/// Proposals that are judged with the free noise parameters refitted.
+const JUDGED_BESIDE_FREE_NOISE: usize = 6;
+/// Most parts of a noise of which the user says nothing.
+const MOST_UNKNOWN_PARTS: usize = 2;
 
 /// A finding: a term or a noise change by its place in the state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,7 +83,8 @@ enum Move {
 
 /// Selects from `start`, at the family-wise `level`.
 pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c> {
-    let (mut state, mut bench) = refitted(case, start, None);
+    let start = unknown_structure(case, start.clone());
+    let (mut state, mut bench) = refitted(case, &start, None);
     let null = state.clone();
     let all = |_: usize| true;
     let whole = library(&bench, true, &all);
@@ -101,9 +108,12 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
             proposals.clear();
         }
         drop(library);
+        judge_beside_free_noise(case, &state, &bench, &mut proposals);
         proposals.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         let noises = bench.noise_changes(&state);
-        let Some(chosen) = choose(case, &state, &bench, &family, &proposals, &noises, ln_level) else { break };
+        let Some(chosen) = choose(case, &state, &bench, &family, &proposals, &noises, ln_level) else {
+            break;
+        };
         let (mut next, mut next_prices) = (state.clone(), prices.clone());
         match chosen {
             Move::Term(proposal) => add_term(&mut next, &mut next_prices, *proposal),
@@ -123,6 +133,61 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
     }
     let shown = shown(case, &state, &prices, &family);
     Selection { state, bench, family, shown, null }
+}
+
+/// Where noise parameters are free, the best proposals are judged with them refitted: fixed at values that have
+/// swallowed an effect they would hide it.
+fn judge_beside_free_noise(case: &Case<'_>, state: &State, bench: &Bench<'_>, proposals: &mut [Proposal]) {
+    proposals.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+    let judged: Vec<Option<f64>> = (proposals.par_iter().take(JUDGED_BESIDE_FREE_NOISE))
+        .map(|proposal| {
+            let blocks = blocks_of(case.model, std::slice::from_ref(&proposal.term));
+            if blocks.iter().all(|&block| state.free_in(case.model, block).is_empty()) {
+                return None;
+            }
+            let mut with = state.clone();
+            with.terms.push(proposal.term.clone());
+            let (with, _) = refitted(case, &with, Some(&blocks));
+            Some(with.log_likelihood - bench.log_likelihood)
+        })
+        .collect();
+    for (proposal, gain) in proposals.iter_mut().zip(judged) {
+        if let Some(gain) = gain {
+            proposal.gain = gain;
+            proposal.evidence = evidence(gain, proposal.freedom, proposal.ln_places);
+        }
+    }
+}
+
+/// Noise parts for sources of which the user says nothing: what Schwarz's criterion asks for, as nuisances.
+fn unknown_structure(case: &Case<'_>, mut state: State) -> State {
+    let changes = [NoiseChange::Markov, NoiseChange::ExponentialCosine, NoiseChange::RandomWalk];
+    for _ in 0..MOST_UNKNOWN_PARTS {
+        let (fitted, bench) = refitted(case, &state, None);
+        state = fitted;
+        let mut added = false;
+        for (source, origin) in case.model.sources.iter().enumerate().filter(|(_, origin)| origin.unknown) {
+            let best = changes.iter().filter_map(|&change| bench.fit_change(source, origin, change)).max_by(|a, b| {
+                let score = |fit: &ChangeFit| fit.gain - 0.5 * fit.knobs.len() as f64 * (case.model.rows as f64).ln();
+                score(a).total_cmp(&score(b))
+            });
+            if let Some(fit) = best
+                && fit.gain > 0.5 * fit.knobs.len() as f64 * (case.model.rows as f64).ln()
+            {
+                state.noises[source] = fit.noises[source].clone();
+                for knob in fit.knobs {
+                    if !state.nuisances.contains(&(source, knob)) {
+                        state.nuisances.push((source, knob));
+                    }
+                }
+                added = true;
+            }
+        }
+        if !added {
+            break;
+        }
+    }
+    state
 }
 
 /// Whether a candidate reaches one of `blocks`.
@@ -159,10 +224,11 @@ fn same(a: &State, b: &State) -> bool {
 
 /// The blocks whose description differs.
 fn changed_blocks(model: &Model, a: &State, b: &State) -> Vec<usize> {
-    let differing: Vec<Term> = (a.terms.iter().filter(|term| b.terms.iter().all(|t| t.candidate != term.candidate)))
-        .chain(b.terms.iter().filter(|term| a.terms.iter().all(|t| t.candidate != term.candidate)))
-        .cloned()
-        .collect();
+    let differing: Vec<Term> =
+        (a.terms.iter().filter(|term| b.terms.iter().all(|t| t.candidate != term.candidate)))
+            .chain(b.terms.iter().filter(|term| a.terms.iter().all(|t| t.candidate != term.candidate)))
+            .cloned()
+            .collect();
     let mut blocks = blocks_of(model, &differing);
     for (index, block) in model.blocks.iter().enumerate() {
         if block.sources.iter().any(|&source| a.noises[source] != b.noises[source]) {
@@ -193,7 +259,8 @@ fn choose(
     noises: &[(usize, ChangeFit)],
     ln_level: f64,
 ) -> Option<Move> {
-    let ln_p_of = |proposal: &Proposal, evidence| family.ln_p(&case.candidates[proposal.term.candidate], evidence);
+    let ln_p_of =
+        |proposal: &Proposal, evidence| family.ln_p(&case.candidates[proposal.term.candidate], evidence);
     let mut best: Option<(f64, Move)> = None;
     let mut consider = |score: f64, way: Move| {
         if best.as_ref().is_none_or(|best| score > best.0) {
@@ -235,8 +302,7 @@ fn choose(
             let of_term = both.log_likelihood - noisy.log_likelihood;
             let of_noise = joint - alone;
             let term_evidence = evidence(of_term, proposal.freedom, proposal.ln_places);
-            let noise_evidence =
-                (-ln_chi_squared_tail(2.0 * of_noise, fit.freedom) - fit.ln_places).max(0.0);
+            let noise_evidence = (-ln_chi_squared_tail(2.0 * of_noise, fit.freedom) - fit.ln_places).max(0.0);
             let significant = ln_p_of(proposal, term_evidence) <= ln_level
                 && family.ln_p(&case.candidates[*candidate], noise_evidence) <= ln_level;
             if significant {

@@ -11,8 +11,9 @@
 pub const MOST_STATES: usize = 32;
 /// Channels of which a filter has room.
 pub const MOST_CHANNELS: usize = 8;
-/// Columns that run together.
-const LANES: usize = 8;
+/// Columns that run together where there are few, and where there are many.
+const FEW: usize = 4;
+const MANY: usize = 8;
 /// Relative change of the covariance from row to row below which it has settled.
 const SETTLED: f64 = 1e-12;
 /// Rows after which states too small to matter are set to zero, so that arithmetic stays fast.
@@ -59,41 +60,34 @@ pub struct Filter {
     pub count: usize,
 }
 
+/// Calls a function of compile-time sizes for the padded sizes (states, channels).
 macro_rules! sized {
-    ($channels:expr, $states:expr, $run:ident ( $($argument:expr),* )) => {
-        match ($channels, $states) {
-            (..=1, ..=1) => $run::<1, 1>($($argument),*),
-            (..=1, 2) => $run::<2, 1>($($argument),*),
-            (..=1, 3) => $run::<3, 1>($($argument),*),
-            (..=1, 4) => $run::<4, 1>($($argument),*),
-            (..=1, ..=6) => $run::<6, 1>($($argument),*),
-            (..=1, ..=8) => $run::<8, 1>($($argument),*),
-            (..=1, ..=16) => $run::<16, 1>($($argument),*),
-            (..=1, _) => $run::<32, 1>($($argument),*),
-            (2, ..=6) => $run::<6, 2>($($argument),*),
-            (2, ..=16) => $run::<16, 2>($($argument),*),
-            (2, _) => $run::<32, 2>($($argument),*),
-            (_, ..=16) => $run::<16, 8>($($argument),*),
-            (_, _) => $run::<32, 8>($($argument),*),
+    ($padded:expr, $run:ident [$($other:tt),*] ( $($argument:expr),* )) => {
+        match $padded {
+            (1, 1) => $run::<$($other,)* 1, 1>($($argument),*),
+            (2, 1) => $run::<$($other,)* 2, 1>($($argument),*),
+            (3, 1) => $run::<$($other,)* 3, 1>($($argument),*),
+            (4, 1) => $run::<$($other,)* 4, 1>($($argument),*),
+            (8, 1) => $run::<$($other,)* 8, 1>($($argument),*),
+            (_, 1) => $run::<$($other,)* 32, 1>($($argument),*),
+            (6, 2) => $run::<$($other,)* 6, 2>($($argument),*),
+            (_, 2) => $run::<$($other,)* 32, 2>($($argument),*),
+            _ => $run::<$($other,)* 32, 8>($($argument),*),
         }
     };
 }
 
+/// Sizes, states and channels, for which there is code.
 const fn padded(channels: usize, states: usize) -> (usize, usize) {
-    let channels = match channels {
-        ..=1 => 1,
-        2 => 2,
-        _ => 8,
-    };
-    let states = match (channels, states) {
-        (1, ..=1) => 1,
-        (1, 2..=4) => states,
-        (1, ..=6) | (2, ..=6) => 6,
-        (1, ..=8) => 8,
-        (_, ..=16) => 16,
-        _ => 32,
-    };
-    (states, channels)
+    match (channels, states) {
+        (..=1, ..=1) => (1, 1),
+        (..=1, 2..=4) => (states, 1),
+        (..=1, ..=8) => (8, 1),
+        (..=1, _) => (32, 1),
+        (2, ..=6) => (6, 2),
+        (2, _) => (32, 2),
+        _ => (32, 8),
+    }
 }
 
 impl Filter {
@@ -102,7 +96,7 @@ impl Filter {
         if space.states > MOST_STATES || space.channels > MOST_CHANNELS || space.channels == 0 {
             return None;
         }
-        sized!(space.channels, space.states, gains(space, present))
+        sized!(padded(space.channels, space.states), gains[](space, present))
     }
 
     /// Number of rows.
@@ -113,107 +107,23 @@ impl Filter {
     /// Whitened innovations of each column; 0 in rows that are missing.
     pub fn whiten(&self, columns: &[&[f64]]) -> Vec<Vec<f64>> {
         let mut whitened = vec![vec![0.0; self.channels * self.rows()]; columns.len()];
-        self.whiten_into(columns, &mut whitened);
+        let (alone, together) =
+            if columns.len() % FEW == 1 { columns.split_at(1) } else { columns.split_at(0) };
+        let (alone_whitened, together_whitened) = whitened.split_at_mut(alone.len());
+        sized!(self.padded, run[f64, 1](self, alone, alone_whitened));
+        for (columns, whitened) in together.chunks(FEW).zip(together_whitened.chunks_mut(FEW)) {
+            sized!(self.padded, run[f64, FEW](self, columns, whitened));
+        }
         whitened
     }
 
-    /// Whitened innovations of each column into `whitened`, which is of the columns' length and 0.
-    pub fn whiten_into<T: From32 + Copy>(&self, columns: &[&[f64]], whitened: &mut [Vec<T>]) {
-        for (columns, whitened) in columns.chunks(LANES).zip(whitened.chunks_mut(LANES)) {
-            match columns.len() {
-                1 => self.lanes::<T, 1>(columns, whitened),
-                2 => self.lanes::<T, 2>(columns, whitened),
-                3 | 4 => self.lanes::<T, 4>(columns, whitened),
-                _ => self.lanes::<T, LANES>(columns, whitened),
-            }
+    /// Whitened innovations of each column in single precision.
+    pub fn whiten_single(&self, columns: &[&[f64]]) -> Vec<Vec<f32>> {
+        let mut whitened = vec![vec![0.0; self.channels * self.rows()]; columns.len()];
+        for (columns, whitened) in columns.chunks(MANY).zip(whitened.chunks_mut(MANY)) {
+            sized!(self.padded, run[f32, MANY](self, columns, whitened));
         }
-    }
-
-    fn lanes<T: From32 + Copy, const L: usize>(&self, columns: &[&[f64]], whitened: &mut [Vec<T>]) {
-        let Some(first) = columns.first() else { return };
-        let inputs: [&[f64]; L] = std::array::from_fn(|lane| *columns.get(lane).unwrap_or(first));
-        match self.padded {
-            (1, 1) => self.run::<T, 1, 1, L>(&inputs, whitened),
-            (2, 1) => self.run::<T, 2, 1, L>(&inputs, whitened),
-            (3, 1) => self.run::<T, 3, 1, L>(&inputs, whitened),
-            (4, 1) => self.run::<T, 4, 1, L>(&inputs, whitened),
-            (6, 1) => self.run::<T, 6, 1, L>(&inputs, whitened),
-            (8, 1) => self.run::<T, 8, 1, L>(&inputs, whitened),
-            (16, 1) => self.run::<T, 16, 1, L>(&inputs, whitened),
-            (_, 1) => self.run::<T, 32, 1, L>(&inputs, whitened),
-            (6, 2) => self.run::<T, 6, 2, L>(&inputs, whitened),
-            (16, 2) => self.run::<T, 16, 2, L>(&inputs, whitened),
-            (_, 2) => self.run::<T, 32, 2, L>(&inputs, whitened),
-            (16, _) => self.run::<T, 16, 8, L>(&inputs, whitened),
-            _ => self.run::<T, 32, 8, L>(&inputs, whitened),
-        }
-    }
-
-    fn run<T: From32 + Copy, const N: usize, const M: usize, const L: usize>(
-        &self,
-        inputs: &[&[f64]; L],
-        whitened: &mut [Vec<T>],
-    ) {
-        let (rows, channels) = (self.rows(), if M == 1 { 1 } else { self.channels.min(M) });
-        let stride = N * M + M * M;
-        let transition: [[f64; N]; N] = std::array::from_fn(|i| std::array::from_fn(|j| self.transition[i * N + j]));
-        let seen: [[f64; N]; M] = std::array::from_fn(|c| std::array::from_fn(|j| self.seen[c * N + j]));
-        let used = if N <= 4 { N } else { self.states.min(N) };
-        let mut state = [[0.0; L]; N];
-        for (row, &index) in self.index.iter().enumerate() {
-            if index != MISSING {
-                let at = index as usize * stride;
-                let gain = &self.gains[at..at + stride];
-                let mut innovation = [[0.0; L]; M];
-                for c in 0..channels {
-                    for lane in 0..L {
-                        innovation[c][lane] = inputs[lane][c * rows + row];
-                    }
-                    for i in 0..used {
-                        let weight = seen[c][i];
-                        for lane in 0..L {
-                            innovation[c][lane] -= weight * state[i][lane];
-                        }
-                    }
-                }
-                for c in 0..channels {
-                    for i in 0..used {
-                        let weight = gain[i * M + c];
-                        for lane in 0..L {
-                            state[i][lane] += weight * innovation[c][lane];
-                        }
-                    }
-                    let mut white = [0.0; L];
-                    for d in 0..=c {
-                        let weight = gain[N * M + c * M + d];
-                        for lane in 0..L {
-                            white[lane] += weight * innovation[d][lane];
-                        }
-                    }
-                    for (column, value) in whitened.iter_mut().zip(white) {
-                        column[c * rows + row] = T::from_f64(value);
-                    }
-                }
-            }
-            let before = state;
-            for i in 0..used {
-                let mut sum = [0.0; L];
-                for j in 0..used {
-                    let weight = transition[i][j];
-                    for lane in 0..L {
-                        sum[lane] += weight * before[j][lane];
-                    }
-                }
-                state[i] = sum;
-            }
-            if row % FLUSH_ROWS == 0 {
-                for value in state.iter_mut().flatten() {
-                    if value.abs() < FLUSH {
-                        *value = 0.0;
-                    }
-                }
-            }
-        }
+        whitened
     }
 
     /// Tᵀ of whitened innovations: with those of a record, q = R⁻¹y. 0 in rows that are missing.
@@ -239,7 +149,8 @@ impl Filter {
                     scores[c * rows + row] = innovation[c];
                 }
                 for i in 0..self.states {
-                    costate[i] -= (0..self.channels).map(|c| self.seen[c * n + i] * innovation[c]).sum::<f64>();
+                    costate[i] -=
+                        (0..self.channels).map(|c| self.seen[c * n + i] * innovation[c]).sum::<f64>();
                 }
             }
             if row % FLUSH_ROWS == 0 {
@@ -267,7 +178,8 @@ impl Filter {
         let at = |index: usize| gain.get(index).copied().unwrap_or_default();
         let (states, channels) = (self.states, self.channels);
         let k = (0..states * channels).map(|flat| at(flat / channels * m + flat % channels)).collect();
-        let w = (0..channels * channels).map(|flat| at(n * m + flat / channels * m + flat % channels)).collect();
+        let w =
+            (0..channels * channels).map(|flat| at(n * m + flat / channels * m + flat % channels)).collect();
         (k, w)
     }
 
@@ -291,20 +203,91 @@ impl Filter {
     }
 }
 
-/// Numbers that whitened innovations are kept in.
-pub trait From32 {
-    /// The number, rounded.
-    fn from_f64(value: f64) -> Self;
+/// Runs at most `L` columns through the gains.
+fn run<T: Rounded, const L: usize, const N: usize, const M: usize>(
+    filter: &Filter,
+    columns: &[&[f64]],
+    whitened: &mut [Vec<T>],
+) {
+    let Some(first) = columns.first() else { return };
+    let inputs: [&[f64]; L] = std::array::from_fn(|lane| *columns.get(lane).unwrap_or(first));
+    let (rows, channels) = (filter.rows(), if M == 1 { 1 } else { filter.channels.min(M) });
+    let stride = N * M + M * M;
+    let transition: [[f64; N]; N] =
+        std::array::from_fn(|i| std::array::from_fn(|j| filter.transition[i * N + j]));
+    let seen: [[f64; N]; M] = std::array::from_fn(|c| std::array::from_fn(|j| filter.seen[c * N + j]));
+    let used = if N <= 4 { N } else { filter.states.min(N) };
+    let mut state = [[0.0; L]; N];
+    for (row, &index) in filter.index.iter().enumerate() {
+        if index != MISSING {
+            let at = index as usize * stride;
+            let gain = &filter.gains[at..at + stride];
+            let mut innovation = [[0.0; L]; M];
+            for c in 0..channels {
+                for lane in 0..L {
+                    innovation[c][lane] = inputs[lane][c * rows + row];
+                }
+                for i in 0..used {
+                    let weight = seen[c][i];
+                    for lane in 0..L {
+                        innovation[c][lane] -= weight * state[i][lane];
+                    }
+                }
+            }
+            for c in 0..channels {
+                for i in 0..used {
+                    let weight = gain[i * M + c];
+                    for lane in 0..L {
+                        state[i][lane] += weight * innovation[c][lane];
+                    }
+                }
+                let mut white = [0.0; L];
+                for d in 0..=c {
+                    let weight = gain[N * M + c * M + d];
+                    for lane in 0..L {
+                        white[lane] += weight * innovation[d][lane];
+                    }
+                }
+                for (column, value) in whitened.iter_mut().zip(white) {
+                    column[c * rows + row] = T::rounded(value);
+                }
+            }
+        }
+        let before = state;
+        for i in 0..used {
+            let mut sum = [0.0; L];
+            for j in 0..used {
+                let weight = transition[i][j];
+                for lane in 0..L {
+                    sum[lane] += weight * before[j][lane];
+                }
+            }
+            state[i] = sum;
+        }
+        if row % FLUSH_ROWS == 0 {
+            for value in state.iter_mut().flatten() {
+                if value.abs() < FLUSH {
+                    *value = 0.0;
+                }
+            }
+        }
+    }
 }
 
-impl From32 for f64 {
-    fn from_f64(value: f64) -> Self {
+/// Numbers that whitened innovations are kept in.
+trait Rounded {
+    /// The number, rounded.
+    fn rounded(value: f64) -> Self;
+}
+
+impl Rounded for f64 {
+    fn rounded(value: f64) -> Self {
         value
     }
 }
 
-impl From32 for f32 {
-    fn from_f64(value: f64) -> Self {
+impl Rounded for f32 {
+    fn rounded(value: f64) -> Self {
         value as f32
     }
 }
@@ -481,8 +464,8 @@ fn update<const N: usize, const M: usize>(
 mod tests {
     use nalgebra::{DMatrix, DVector};
     use rand::RngExt;
-    use rand_pcg::Pcg64;
     use rand::SeedableRng;
+    use rand_pcg::Pcg64;
 
     use super::*;
 
@@ -547,7 +530,8 @@ mod tests {
         let filter = Filter::new(&space, &present).unwrap();
         let columns: Vec<Vec<f64>> = (0..3)
             .map(|_| {
-                let value = |flat: usize| if present[flat % rows] { random.random::<f64>() - 0.5 } else { f64::NAN };
+                let value =
+                    |flat: usize| if present[flat % rows] { random.random::<f64>() - 0.5 } else { f64::NAN };
                 (0..2 * rows).map(value).collect()
             })
             .collect();
@@ -555,7 +539,8 @@ mod tests {
         let whitened = filter.whiten(&views);
         let covariance = dense(&space, &present);
         let stacked = |column: &[f64]| {
-            let used = (0..rows).filter(|&row| present[row]).flat_map(|row| [column[row], column[rows + row]]);
+            let used =
+                (0..rows).filter(|&row| present[row]).flat_map(|row| [column[row], column[rows + row]]);
             DVector::from_iterator(filter.count, used)
         };
         let cholesky = covariance.clone().cholesky().unwrap();

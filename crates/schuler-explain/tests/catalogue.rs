@@ -894,3 +894,66 @@ fn every_signature_is_finite_whatever_is_missing() {
     }
     assert!(seen > 80, "{seen}");
 }
+
+/// Cases in which something varies, but not what the effect needs.
+#[test]
+fn an_effect_is_not_offered_where_its_own_need_is_not_met() {
+    let offered = |scene: &Scene, id: &str| {
+        let inputs = Inputs::new(&scene.0);
+        !candidates(&inputs, id).is_empty()
+    };
+    let mut scene = Scene::new(MotionKind::Recorded, 4001, 1.0)
+        .sensor("g", SensorKind::Dtg, Unit::DegreePerHour, [1.0, 0.0, 0.0])
+        .sensor("a", SensorKind::Accelerometer, Unit::MicroG, [0.0, 0.0, 1.0])
+        .aux("T", Quantity::Temperature, "degC", None, |t| 25.0 + 0.5 * (t / 600.0).sin());
+    scene.0.motion.rate = Some(scene.columns([|t| 0.5 + 0.1 * (0.02 * t).sin(), |_| 0.0, |_| 0.0]));
+    scene.0.motion.specific_force =
+        Some(scene.columns([|_| 0.0, |_| 0.0, |t| -9.8 + 0.1 * (0.01 * t).sin()]));
+    for id in
+        ["bias_temperature", "bias_temperature_rate", "scale_factor", "scale_factor_temperature", "g_spin"]
+    {
+        assert!(offered(&scene, id), "{id}: the temperature, one rate and one force vary");
+    }
+    for (id, why) in [
+        ("bias_temperature_sq", "1 K is not enough"),
+        ("bias_temperature_cubic", "1 K is not enough"),
+        ("bias_temperature_gradient", "one thermometer"),
+        ("bias_electronics_temperature", "no thermometer there"),
+        ("scale_factor_asymmetry", "one sign"),
+        ("scale_factor_odd_quadratic", "one sign"),
+        ("dead_zone", "never small"),
+        ("misalignment_temperature", "nothing across"),
+        ("cross_coupling", "one force"),
+        ("g_mass_unbalance", "no force along the axis"),
+        ("g_quadrature", "no force along the other axis"),
+        ("g2_anisoelasticity", "one force"),
+        ("g2_cross", "one force"),
+        ("anisoinertia", "one rate"),
+        ("rate_cross_axis", "one rate"),
+        ("coning_sculling", "one rate"),
+        ("earth_rate_attitude", "no attitude"),
+        ("gravity_anomaly", "no attitude"),
+        ("earth_tide", "an hour, no attitude"),
+        ("schuler_oscillation", "no inertial velocity"),
+        ("bias_restart", "one run"),
+    ] {
+        assert!(!offered(&scene, id), "{id}: {why}");
+    }
+    // A coarse thermometer that dithers over one step says nothing of the temperature.
+    let coarse = Scene::new(MotionKind::Static, 4000, 1.0)
+        .sensor("g", SensorKind::Fog, Unit::DegreePerHour, [1.0, 0.0, 0.0])
+        .aux("T", Quantity::Temperature, "degC", None, |t| 25.0 + 0.5 * ((t * 0.37).sin().round()));
+    assert!(!offered(&coarse, "bias_temperature"));
+    // A voltage that flickers between two counts neither.
+    let flicker = Scene::new(MotionKind::Static, 4000, 1.0)
+        .sensor("g", SensorKind::Fog, Unit::DegreePerHour, [1.0, 0.0, 0.0])
+        .aux("V", Quantity::Voltage, "V", None, |t| {
+            5.0 + 0.01 * (f64::from(u8::from((t * 0.37).sin() > 0.0)))
+        });
+    assert!(!offered(&flicker, "bias_supply_voltage"));
+    // One that was switched does.
+    let switched = Scene::new(MotionKind::Static, 4000, 1.0)
+        .sensor("g", SensorKind::Fog, Unit::DegreePerHour, [1.0, 0.0, 0.0])
+        .aux("V", Quantity::Voltage, "V", None, |t| if (1000.0..2500.0).contains(&t) { 5.5 } else { 5.0 });
+    assert!(offered(&switched, "bias_supply_voltage"));
+}

@@ -146,6 +146,7 @@ impl Endpoint {
     }
 
     /// At the clock's pace, runs the step that is due. Call often; `Some` is the frame to be sent.
+    #[inline(never)]
     pub fn tick(&mut self, module: &mut FlightModule, mut now_us: impl FnMut() -> u64) -> Option<&[u8]> {
         let pace = self.pace.clock()?;
         let begin_us = now_us();
@@ -199,6 +200,8 @@ impl Endpoint {
         }
     }
 
+    // These stand by themselves: a message is large, and what one of them needs of the stack the others have no use for.
+    #[inline(never)]
     fn take(
         &mut self,
         frame: &Frame<HostMessage>,
@@ -242,6 +245,7 @@ impl Endpoint {
     }
 
     /// Carries out a command; `None` for an input that waits for its tick.
+    #[inline(never)]
     fn carry_out(
         &mut self,
         message: &HostMessage,
@@ -284,7 +288,6 @@ impl Endpoint {
         })
     }
 
-    // By itself: a block is large, and a step has no use for the room on the stack.
     #[inline(never)]
     fn load_compensation(&mut self, bytes: &BlockBytes, module: &mut FlightModule) -> ModuleMessage {
         match block::decode(bytes) {

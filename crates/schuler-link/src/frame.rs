@@ -195,6 +195,7 @@ impl Decoder {
 }
 
 /// Checks a frame from the outside in and reads its message.
+#[inline(never)]
 fn open<M: Message>(frame: &[u8]) -> Result<Frame<M>, FrameError> {
     let (body, &checksum) = frame.split_last_chunk::<CHECKSUM>().ok_or(FrameError::TooShort)?;
     let (&[direction, protocol, s0, s1, s2, s3], content) =

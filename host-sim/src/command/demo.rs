@@ -1,5 +1,5 @@
 //! `schuler demo`: a flight of its own, from physics to findings.
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use schuler_core::identification::Method;
 use schuler_recording::Recording;
@@ -37,8 +37,9 @@ pub(super) struct Arguments {
     plot: Vec<Format>,
 }
 
+/// What the demonstration found.
 #[derive(Serialize)]
-struct Answer {
+pub(super) struct Answer {
     format: &'static str,
     on: &'static str,
     seed: u64,
@@ -72,7 +73,19 @@ struct FaultFound {
     alarms_before_the_fault: usize,
 }
 
+impl Arguments {
+    /// Everything on this machine, into a directory, figures as pixels.
+    pub(super) fn into_directory(out: &Path) -> Self {
+        Self { on: On::default(), out: out.to_owned(), seed: None, plot: vec![Format::Png] }
+    }
+}
+
 pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failure> {
+    session.answer(&made(arguments, session)?, words)
+}
+
+/// Simulates, flies and writes everything.
+pub(super) fn made(arguments: &Arguments, session: &Session) -> Result<Answer, Failure> {
     let file = ScenarioFile::parse(SCENARIO_NAME.as_ref(), SCENARIO)?;
     let mut scenario = file.scenario;
     scenario.seed = arguments.seed.unwrap_or(scenario.seed);
@@ -135,7 +148,7 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
         files,
     };
     fly::write_json(&arguments.out.join("demo.json"), &answer)?;
-    session.answer(&answer, words)
+    Ok(answer)
 }
 
 /// The same scale for both, of 5 of the vertical's usual errors; the first minutes go beyond it.

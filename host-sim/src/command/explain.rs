@@ -1,4 +1,5 @@
 //! `schuler explain CASE.toml`.
+use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use schuler_explain::deploy::{Deployed, Deployment, Stations, deploy};
@@ -50,7 +51,6 @@ struct Answer<'r> {
 
 pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failure> {
     let recording = Recording::of_case(CaseFile::read(&arguments.case)?)?;
-    Session::warn(&recording.warnings);
     let waiting = session.waiting("explaining");
     let (explanation, arrays) = explain_shown(&recording, &Options::default())
         .map_err(|error| Error::one(&arguments.case, Problem::of_file(error.to_string())))?;
@@ -91,7 +91,8 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
             text.push_str("\nWritten:\n");
         }
         for path in &answer.files {
-            text.push_str(&format!("  {}\n", path.display()));
+            // Writing into a string cannot fail.
+            let _ = writeln!(text, "  {}", path.display());
         }
         text
     })
@@ -131,7 +132,7 @@ fn words(compensation: &[Deployed]) -> String {
             (None, Some(caution)) => format!("is compensated by {}; {caution}", counted(it.terms)),
             (None, None) => format!("is compensated by {}", counted(it.terms)),
         };
-        text.push_str(&format!("  {} of {} {what}.\n", it.effect, it.sensor));
+        let _ = writeln!(text, "  {} of {} {what}.", it.effect, it.sensor);
     }
     text
 }

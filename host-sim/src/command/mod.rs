@@ -6,12 +6,20 @@
 //! | `fly` | a case → through the flight module |
 //! | `identify` | a case → noise of each sensor |
 //! | `explain` | a case → what its simulation leaves out |
+//! | `campaign` | many cases with concealed effects, scored |
+//! | `calibrate` | a calibration run → coefficients, what was observable, compensation file |
+//! | `compare-isolation` | every way of isolating a gyro against the optimum |
+//! | `figures` | the figures of the documentation |
 //! | `demo` | all of it at once, on a flight of its own |
 //!
 //! Results go to standard output, as text or with `--json` as one JSON document; progress and warnings go to standard
 //! error. Exit status: 0 done, 2 bad input (one line: file, line, field, what was expected), 130 stopped, 1 anything else.
+mod calibrate;
+mod campaign;
+mod compare_isolation;
 mod demo;
 mod explain;
+mod figures;
 mod fly;
 mod identify;
 mod session;
@@ -49,6 +57,15 @@ enum Command {
     Identify(identify::Arguments),
     /// Find where a recording differs from its simulation, and which physics was left out.
     Explain(explain::Arguments),
+    /// Conceal effects in many cases, look for them, and score what was found.
+    Campaign(campaign::Arguments),
+    /// Find all thermal coefficients from one run at changing temperature, and what it cannot tell.
+    Calibrate(calibrate::Arguments),
+    /// Compare every way of isolating a gyro with the optimum, by Monte Carlo.
+    CompareIsolation(compare_isolation::Arguments),
+    /// Make the figures of the documentation anew.
+    #[command(hide = true)]
+    Figures(figures::Arguments),
     /// Simulate a flight, fly it, and show what the module found.
     Demo(demo::Arguments),
 }
@@ -86,6 +103,10 @@ pub fn main() -> ExitCode {
         Command::Fly(arguments) => fly::run(arguments, &session),
         Command::Identify(arguments) => identify::run(arguments, &session),
         Command::Explain(arguments) => explain::run(arguments, &session),
+        Command::Campaign(arguments) => campaign::run(arguments, &session),
+        Command::Calibrate(arguments) => calibrate::run(arguments, &session),
+        Command::CompareIsolation(arguments) => compare_isolation::run(arguments, &session),
+        Command::Figures(arguments) => figures::run(arguments, &session),
         Command::Demo(arguments) => demo::run(arguments, &session),
     };
     match done {

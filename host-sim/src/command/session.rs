@@ -113,6 +113,23 @@ impl Progress<'_> {
         self.bar.set_position(steps as u64);
     }
 
+    /// An error once the user wants to stop.
+    pub(super) fn check(&self) -> Result<(), Interrupted> {
+        self.interrupt.check()
+    }
+
+    /// Notes the steps done, where they come in bundles.
+    pub(super) fn stride(&self, steps: usize) -> Result<(), Interrupted> {
+        self.bar.set_position(steps as u64);
+        self.interrupt.check()
+    }
+
+    /// Notes the steps done of as many as there turn out to be.
+    pub(super) fn of(&self, steps: usize, all: usize) -> Result<(), Interrupted> {
+        self.bar.set_length(all as u64);
+        self.stride(steps)
+    }
+
     /// Notes the steps done.
     pub(super) fn at(&self, step: usize) -> Result<(), Interrupted> {
         if step.is_multiple_of(STRIDE) {

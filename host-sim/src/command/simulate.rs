@@ -6,6 +6,8 @@ use serde::Serialize;
 
 use super::Failure;
 use super::session::Session;
+use crate::calibration_table::recorded::seconds;
+use crate::calibration_table::scenario::CalibrationScenario;
 use crate::output;
 use crate::plot::{Colour, Figure, Format, Panel};
 use crate::scenario::{Scenario, ScenarioFile};
@@ -47,6 +49,9 @@ struct Answer {
 }
 
 pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failure> {
+    if let Some(answer) = calibration_run(arguments, session)? {
+        return session.answer(&answer, words);
+    }
     let file = ScenarioFile::read(&arguments.scenario)?;
     let warnings: Vec<String> =
         file.warnings.iter().map(|warning| format!("{}: {warning}", file.path.display())).collect();
@@ -69,11 +74,49 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
         figures,
         warnings,
     };
-    session.answer(&answer, |it| {
-        let head = format!("{}\n{} steps of {} s, seed {}\n", it.title, it.steps, it.step_s, it.seed);
-        let paths = [&it.case, &it.recording, &it.truth].into_iter().chain(&it.figures);
-        paths.fold(head, |text, path| text + "  " + &path.display().to_string() + "\n")
-    })
+    session.answer(&answer, words)
+}
+
+fn words(it: &Answer) -> String {
+    let head = format!("{}\n{} steps of {} s, seed {}\n", it.title, it.steps, it.step_s, it.seed);
+    let paths = [&it.case, &it.recording, &it.truth].into_iter().chain(&it.figures);
+    paths.fold(head, |text, path| text + "  " + &path.display().to_string() + "\n")
+}
+
+/// A calibration run on a table, if the scenario is one.
+fn calibration_run(arguments: &Arguments, session: &Session) -> Result<Option<Answer>, Failure> {
+    let path = &arguments.scenario;
+    let text = std::fs::read_to_string(path).map_err(|error| Error::io(path, "read the scenario", &error))?;
+    if !CalibrationScenario::is_one(&text) {
+        return Ok(None);
+    }
+    let (mut scenario, warnings) = CalibrationScenario::parse(path, &text)?;
+    let warnings: Vec<String> =
+        warnings.iter().map(|warning| format!("{}: {warning}", path.display())).collect();
+    Session::warn(&warnings);
+    scenario.seed = arguments.seed.unwrap_or(scenario.seed);
+    let progress = session.progress("simulating", seconds(&scenario.table));
+    let simulated = scenario.simulated(|second| progress.stride(second))?;
+    drop(progress);
+    let (written, steps) = simulated.write(&arguments.out)?;
+    output::write(&arguments.out.join(SCENARIO), text.as_bytes())?;
+    let figures = if arguments.plot.is_empty() {
+        Vec::new()
+    } else {
+        simulated.figure().write(&arguments.out, "outputs_1", &arguments.plot)?
+    };
+    Ok(Some(Answer {
+        format: "schuler-simulation/1",
+        title: scenario.title,
+        seed: scenario.seed,
+        steps,
+        step_s: 1.0 / scenario.table.samples_per_second as f64,
+        case: written.case,
+        recording: written.recording,
+        truth: written.truth,
+        figures,
+        warnings,
+    }))
 }
 
 /// Runs a scenario with a progress bar.

@@ -40,7 +40,8 @@ pub(super) fn flight(answer: &Answer) -> String {
     text
 }
 
-fn put(text: &mut String, line: std::fmt::Arguments<'_>) {
+/// Adds a line.
+pub(super) fn put(text: &mut String, line: std::fmt::Arguments<'_>) {
     // Writing into a string cannot fail.
     let _ = writeln!(text, "{line}");
 }

@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn fil_1_transition_agrees_with_the_truth() {
+    fn fil_3_transition_agrees_with_the_truth() {
         // Φ = I + FΔ + (FΔ)²/2 + (FΔ)³/6 with held sensor errors.
         let mut f = Matrix4::zeros();
         (f[(0, 1)], f[(0, 2)], f[(1, 0)], f[(1, 3)]) = (-STANDARD_GRAVITY, 1.0, 1.0 / MEAN_RADIUS, 1.0);

@@ -183,7 +183,7 @@ impl Context<'_> {
             ("remainder", AFTER, Look::Thin, Ink::After),
             ("explained", BEFORE, Look::Line, Ink::Explained),
         ];
-        let found = !sensor.dependences.is_empty() || sensor.explained.iter().any(|value| *value != 0.0);
+        let found = !sensor.findings.is_empty();
         for ((label, views, look, ink), y) in looks.into_iter().zip(thinned) {
             if found || matches!(ink, Ink::Before) {
                 let views = if found { views } else { ALWAYS };
@@ -191,7 +191,7 @@ impl Context<'_> {
             }
         }
         let mut chart = self.over_time(format!("residual, {unit}"));
-        for finding in self.report.explanation.findings.iter().filter(|it| it.sensor == sensor.sensor) {
+        for finding in sensor.findings.iter().filter_map(|k| self.report.explanation.findings.get(*k)) {
             let [from, to] = finding.interval_s;
             if from > 0.001 * self.report.recorded.length_s || to < 0.999 * self.report.recorded.length_s {
                 chart.shades.push(Shade { from: from / self.time.1, to: to / self.time.1, kind: "finding" });
@@ -276,10 +276,9 @@ impl Context<'_> {
         };
         Chart {
             title: format!("{} against {}", words::name_of(effect), it.cause.name),
-            caption: format!(
-                "Marks: means over equally many rows, with bars of ±2 σ that allow for correlated noise. Before, they \
+            caption: "Marks: means over equally many rows, with bars of ±2 σ that allow for correlated noise. Before, they \
                  should follow the line of the effect; after, lie about zero."
-            ),
+                .to_owned(),
             summary: format!(
                 "Means more than 2 σ from zero: {} before, {} after.",
                 off(|bin| bin.residual),

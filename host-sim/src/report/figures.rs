@@ -48,7 +48,7 @@ fn explained(report: &Report, sensor: &SensorEvidence) -> Figure {
             panel.with(Layer::Vertical { label: label.into(), x: edge / 3600.0, colour: Colour::Grey })
         })
     };
-    for finding in report.explanation.findings.iter().filter(|it| it.sensor == sensor.sensor) {
+    for finding in sensor.findings.iter().filter_map(|k| report.explanation.findings.get(*k)) {
         let inside = |edge: &&f64| **edge > 0.0 && **edge < 0.999 * report.recorded.length_s;
         for edge in finding.interval_s.iter().filter(inside) {
             let label = finding.effect.clone();

@@ -49,8 +49,6 @@ pub struct Recorded {
     pub length_s: f64,
     /// Names of the sensors.
     pub sensors: Vec<String>,
-    /// What was odd about it.
-    pub warnings: Vec<String>,
 }
 
 impl Recorded {
@@ -64,7 +62,6 @@ impl Recorded {
             step_s: recording.step_s,
             length_s: last_s + recording.step_s,
             sensors: recording.sensors.iter().map(|series| series.sensor.id.clone()).collect(),
-            warnings: recording.warnings.clone(),
         }
     }
 }

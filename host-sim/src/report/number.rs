@@ -58,7 +58,7 @@ pub(super) fn plain(value: f64, digits: usize) -> String {
     }
     let exponent = exponent(value);
     if PLAIN.contains(&exponent) {
-        let digits = (digits as i32 - 1 - exponent).max(0) as usize;
+        let digits = (i32::try_from(digits).unwrap_or(i32::MAX) - 1 - exponent).max(0) as usize;
         return format!("{value:.digits$}");
     }
     let digits = digits.saturating_sub(1);
@@ -67,7 +67,12 @@ pub(super) fn plain(value: f64, digits: usize) -> String {
 
 /// A probability.
 pub(super) fn probability(p: f64) -> String {
-    if p >= 0.01 { format!("p = {p:.2}") } else { format!("p = {}", plain(p, 1)) }
+    match p {
+        p if p >= 0.01 => format!("p = {p:.2}"),
+        // Smaller than the numbers that it is kept in.
+        p if p < f64::MIN_POSITIVE => "p < 10⁻³⁰⁷".to_owned(),
+        p => format!("p = {}", plain(p, 1)),
+    }
 }
 
 /// A share in per cent.
@@ -92,10 +97,13 @@ fn raised(exponent: i32) -> String {
 
 /// `deg/h/(K/h)` as `°/h per K/h`.
 pub(super) fn printed_unit(unit: &str) -> String {
+    if unit == "1" {
+        return String::new();
+    }
     let split = SENSOR_UNITS.iter().find_map(|of_sensor| {
         let per = unit.strip_prefix(of_sensor)?.strip_prefix('/')?;
         // °/h/√h is one unit, and so is what another sensor unit begins.
-        let whole = per.starts_with("sqrt(") || SENSOR_UNITS.iter().any(|other| *other == unit);
+        let whole = per.starts_with("sqrt(") || SENSOR_UNITS.contains(&unit);
         (!whole).then_some((*of_sensor, per))
     });
     let print = |text: &str| PRINTED.iter().fold(text.to_owned(), |text, (from, to)| text.replace(from, to));
@@ -172,6 +180,7 @@ mod tests {
     fn very_small_numbers_have_a_power_of_ten() {
         assert_eq!(plain(3.0e-12, 2), "3.0·10⁻¹²");
         assert_eq!(probability(0.2), "p = 0.20");
-        assert_eq!(probability(0.0), "p = 0");
+        assert_eq!(probability(0.0), "p < 10⁻³⁰⁷");
+        assert_eq!(probability(3e-5), "p = 3·10⁻⁵");
     }
 }

@@ -19,6 +19,9 @@ const STYLE: &str = include_str!("assets/report.css");
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; base-uri 'none'; \
                       form-action 'none'";
 
+/// A figure of merit and how it is written.
+type Figure = (&'static str, fn(&Goodness) -> String);
+
 /// The page.
 pub(super) fn html(report: &Report) -> String {
     let charts = charts::of_sensors(report);
@@ -101,9 +104,10 @@ fn findings(report: &Report) -> Markup {
 
 fn finding(report: &Report, index: usize, it: &Finding) -> Markup {
     let others: Vec<&String> = it.class.iter().filter(|other| **other != it.effect).collect();
-    let shown = report.evidence.sensors.iter().position(|sensor| {
-        sensor.sensor == it.sensor || sensor.dependences.iter().any(|dependence| dependence.finding == index)
-    });
+    // A finding of the noise adds to no sensor.
+    let sensors = &report.evidence.sensors;
+    let shown = sensors.iter().position(|sensor| sensor.findings.contains(&index));
+    let shown = shown.or_else(|| sensors.iter().position(|sensor| sensor.sensor == it.sensor));
     html! {
         article.finding {
             h3 { (words::finding(it, report.recorded.length_s)) }
@@ -132,7 +136,7 @@ fn finding(report: &Report, index: usize, it: &Finding) -> Markup {
                 }
             }
             @if !it.parameters.is_empty() {
-                (table(&["Parameter", "Value ± 1 σ", "Plausible"], html! {
+                (table(&["Parameter", "Value ± 1 σ", "Plausible"], &html! {
                     @for parameter in &it.parameters {
                         tr {
                             th scope="row" { (words::name_of(&parameter.name)) }
@@ -162,7 +166,7 @@ fn finding(report: &Report, index: usize, it: &Finding) -> Markup {
             }
             @if !it.noise_shift.is_empty() {
                 h4 { "How the noise had swallowed it" }
-                (table(&["Parameter of the noise", "Fitted without", "Fitted with"], html! {
+                (table(&["Parameter of the noise", "Fitted without", "Fitted with"], &html! {
                     @for shift in &it.noise_shift {
                         @let unit = printed_unit(&shift.unit);
                         tr {
@@ -178,7 +182,7 @@ fn finding(report: &Report, index: usize, it: &Finding) -> Markup {
     }
 }
 
-fn table(heads: &[&str], rows: Markup) -> Markup {
+fn table(heads: &[&str], rows: &Markup) -> Markup {
     html! {
         div.table tabindex="0" role="region" aria-label=(heads.join(", ")) {
             table {
@@ -191,9 +195,8 @@ fn table(heads: &[&str], rows: Markup) -> Markup {
 
 fn better(fit: &Fit) -> Markup {
     let Some(sentence) = words::held_out(&fit.held_out) else { return html! {} };
-    type Figure = (&'static str, fn(&Goodness) -> String);
     let figures: [Figure; 4] = [
-        ("−log-likelihood, nats per sample", |it| plain(it.nll_per_sample, 4)),
+        ("−log-likelihood, nats per sample", |it| format!("{:.4}", it.nll_per_sample)),
         ("error of prediction, nominal σ", |it| plain(it.rmse, 3)),
         ("normalised innovation squared (1 is right)", |it| plain(it.nis_mean, 3)),
         ("whiteness, p of Ljung–Box", |it| plain(it.whiteness_p, 2)),
@@ -205,7 +208,7 @@ fn better(fit: &Fit) -> Markup {
         section aria-labelledby="better-title" {
             h2 #better-title { "How much better it predicts" }
             p { (sentence) }
-            (table(&["", "held out, before", "held out, after", "fitted, before", "fitted, after"], html! {
+            (table(&["", "held out, before", "held out, after", "fitted, before", "fitted, after"], &html! {
                 @for (name, of) in figures {
                     tr { th scope="row" { (name) } (cells(&fit.held_out, of)) (cells(&fit.train, of)) }
                 }
@@ -296,7 +299,6 @@ fn about(report: &Report) -> Markup {
             h2 #about-title { "Notes" }
             ul {
                 @for note in &report.explanation.notes { li { (note) } }
-                @for warning in &report.recorded.warnings { li { (warning) } }
                 li {
                     "Residual: recorded output less what the case's nominal model predicts. Innovation: what a reading \
                      adds to its prediction from all earlier ones. Before: with the noise fitted and no finding; after: \

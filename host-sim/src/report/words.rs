@@ -177,7 +177,7 @@ pub(super) fn located(located: &Located) -> String {
     if let Some([low, high]) = located.band_hz {
         let _ = write!(text, ", between {} and {} Hz", plain(low, 2), plain(high, 2));
     }
-    let _ = write!(text, " ({}, {})", located.test, probability(located.p_value));
+    let _ = write!(text, " ({}, {})", located.test.replace('_', " "), probability(located.p_value));
     text
 }
 
@@ -198,25 +198,20 @@ pub(super) fn held_out(fit: &BeforeAfter) -> Option<String> {
     let BeforeAfter { before, after } = fit;
     let known = before.rmse > 0.0 && after.rmse > 0.0 && before.rmse.is_finite() && after.rmse.is_finite();
     known.then(|| {
-        let direction = match after.nll_per_sample.partial_cmp(&before.nll_per_sample) {
-            Some(std::cmp::Ordering::Less) => "falls",
-            Some(std::cmp::Ordering::Greater) => "rises",
-            _ => "stays",
+        let (from, to) = (plain(before.rmse, 3), plain(after.rmse, 3));
+        let error = if from == to {
+            format!("stays at {to}")
+        } else if after.rmse < before.rmse {
+            format!("falls from {from} to {to}")
+        } else {
+            format!("rises from {from} to {to}")
         };
-        let moved = |before: f64, after: f64, digits: usize| {
-            let (before, after) = (plain(before, digits), plain(after, digits));
-            if before == after { format!("at {after}") } else { format!("from {before} to {after}") }
-        };
-        let rmse_direction = match after.rmse.partial_cmp(&before.rmse) {
-            Some(std::cmp::Ordering::Less) => "falls",
-            Some(std::cmp::Ordering::Greater) => "rises",
-            _ => "stays",
-        };
+        let gain = before.nll_per_sample - after.nll_per_sample;
+        let likelihood = if gain < 0.0 { "loses" } else { "gains" };
         format!(
-            "On data that the fit never saw, the error of prediction {rmse_direction} {} of what the nominal model \
-             expects; minus the log-likelihood {direction} {} nats per sample.",
-            moved(before.rmse, after.rmse, 3),
-            moved(before.nll_per_sample, after.nll_per_sample, 4),
+            "On data that the fit never saw, the error of prediction {error} of what the nominal model expects, and \
+             the likelihood {likelihood} {} nats per sample.",
+            plain(gain.abs(), 3)
         )
     })
 }
@@ -397,6 +392,10 @@ mod tests {
         assert!(better.contains("prediction falls from 1.39 to 1.00"), "{better}");
         let worse = held_out(&BeforeAfter { before: good, after: bad }).unwrap();
         assert!(worse.contains("prediction rises from 1.00 to 1.39"), "{worse}");
+        assert!(
+            better.contains("gains 0.340 nats") && worse.contains("loses 0.340 nats"),
+            "{better} {worse}"
+        );
         let same = held_out(&BeforeAfter { before: good, after: good }).unwrap();
         assert!(same.contains("stays at 1.00"), "{same}");
         assert!(held_out(&BeforeAfter::default()).is_none());

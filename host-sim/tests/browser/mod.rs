@@ -10,7 +10,7 @@ use tempfile::TempDir;
 use tungstenite::{Message, WebSocket};
 
 /// Longest time for anything that a browser does.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_mins(1);
 const NAMES: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
 
 /// A browser with one page.
@@ -50,7 +50,7 @@ impl Browser {
             // Past the capture of the test harness.
             let hint =
                 "SKIPPED: the page was not tried in a browser; install one with: apt-get install chromium";
-            writeln!(std::io::stderr(), "{hint}").unwrap();
+            let _ = writeln!(std::io::stderr(), "{hint}");
             return None;
         };
         let told = wait_for("the browser to start", || {
@@ -105,7 +105,8 @@ impl Browser {
         let parameters = &event["params"];
         match event["method"].as_str() {
             Some("Runtime.exceptionThrown") => {
-                self.complaints.push(parameters["exceptionDetails"].to_string())
+                let exception = &parameters["exceptionDetails"]["exception"];
+                self.complaints.push(exception["description"].to_string());
             }
             Some("Runtime.consoleAPICalled")
                 if ["error", "warning"].iter().any(|t| parameters["type"] == *t) =>

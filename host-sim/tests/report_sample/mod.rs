@@ -137,7 +137,6 @@ pub fn report(prefix: &str) -> Report {
             step_s: 1.0,
             length_s: ROWS as f64,
             sensors: names.clone(),
-            warnings: vec![format!("run17.toml: {prefix}unknown key \"operator\"")],
         },
         explanation: explanation(prefix, &names),
         evidence: evidence(arrays),

@@ -1,6 +1,6 @@
 //! Filters that one would use otherwise: the nominal Kalman filter, which knows no faults; the first-order
 //! generalised pseudo-Bayes filter (GPB1), which merges all modes after each residual; the interacting
-//! multiple-model filter (IMM), which merges before it.
+//! multiple-model filter (IMM), which merges before it. [HLT-8]
 use super::model::{Filter, Gaussian, Model, Posterior, Transitions};
 
 /// Kalman filter of the fault-free mode.

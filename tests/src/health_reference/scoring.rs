@@ -1,4 +1,4 @@
-//! How good a filter's probabilities and estimates are against the truth.
+//! How good a filter's probabilities and estimates are against the truth. [HLT-8] [HLT-11]
 use super::generator::Sample;
 use super::model::{Filter, Model, Posterior};
 

@@ -100,7 +100,7 @@ impl Flight {
         }
         if self.disturbance != Disturbance::None {
             self.disturbance = Disturbance::None;
-            self.remaining = self.random.random_range(50..600);
+            self.remaining = self.random.random_range(50..350);
             return;
         }
         let gyro = self.random.random_range(0..GYROS);
@@ -296,6 +296,7 @@ pub(crate) fn everything() -> ModuleConfig {
 /// A block with a calibration and a term of every kind and on every target.
 pub(crate) fn full_block() -> Block {
     let mut coefficients = CompensationBlock::default();
+    coefficients.features.temperature_range = [10.0, 50.0];
     for triad in [&mut coefficients.gyro, &mut coefficients.accelerometer] {
         triad.bias = [[1e-6, 2e-7, -1e-7, 0.0, 0.0, 0.0]; 3];
         triad.matrix[0][0] = [1e-4, 2e-5, 0.0, 0.0, 0.0, 0.0];
@@ -329,7 +330,7 @@ pub(crate) fn full_block() -> Block {
     // Every place is taken.
     assert_eq!(terms.len(), schuler_core::compensation::MAX_TERMS);
     Block {
-        calibration: Some(Calibration { thermometer: 1, coefficients }),
+        calibration: Some(Calibration { thermometer: 2, coefficients }),
         validity: Validity { temperature_range: [8.0, 52.0], rate_limit: 0.004 },
         terms: terms.into_iter().collect(),
         ..Block::default()

@@ -6,7 +6,7 @@
 use bitflags::bitflags;
 use serde::{Deserialize, Serialize};
 
-use super::block::{Block, Factor, Limits, MAX_TERMS, Quantity, Target, Term, Validity, power};
+use super::block::{Block, Calibration, Factor, Limits, MAX_TERMS, Quantity, Target, Term, Validity, power};
 use crate::config::ConfigError;
 use crate::module::{ACCELEROMETERS, GYROS, THERMOMETERS};
 use crate::thermal::{self, CompensationStatus, ThermalState};
@@ -138,21 +138,33 @@ impl Compensator {
     /// # Errors
     /// The first field that cannot be flown.
     pub fn try_build(block: &Block) -> Result<Self, ConfigError> {
+        let mut all = Self::none();
+        all.load(block)?;
+        Ok(all)
+    }
+
+    /// Checks the block and takes it in place of the one before. On an error that one stays.
+    ///
+    /// # Errors
+    /// The first field that cannot be flown.
+    pub fn load(&mut self, block: &Block) -> Result<(), ConfigError> {
         block.validate()?;
-        let mut all =
-            Self { loaded: true, validity: block.validity, limits: limits(&block.limits), ..Self::none() };
-        if let Some(calibration) = &block.calibration {
-            all.has_calibration = true;
-            all.thermometer = calibration.thermometer;
-            all.calibration = thermal::Compensator::try_build(&calibration.coefficients)?;
-        }
-        for (product, term) in all.products.iter_mut().zip(&block.terms) {
-            *product = Product::of(term);
+        self.loaded = true;
+        self.has_calibration = block.calibration.is_some();
+        let none = Calibration::default();
+        let calibration = block.calibration.as_ref().unwrap_or(&none);
+        self.thermometer = calibration.thermometer;
+        self.calibration = thermal::Compensator::try_build(&calibration.coefficients)?;
+        self.validity = block.validity;
+        self.limits = limits(&block.limits);
+        self.used = 0;
+        for (index, product) in self.products.iter_mut().enumerate() {
+            *product = block.terms.get(index).map_or(Product::NOTHING, Product::of);
             for factor in product.factors {
-                all.used |= bit(factor.plus) | bit(factor.minus);
+                self.used |= bit(factor.plus) | bit(factor.minus);
             }
         }
-        Ok(all)
+        Ok(())
     }
 
     /// The corrections of a step. Never panics, and everything that it gives is finite.

@@ -1,6 +1,6 @@
 //! The five determinants of a five-gyro block.
 //!
-//! Source: Larin (2015), §4, equation (4.1) and Table 2. Equation ids FDI-3.1, FDI-3.2.
+//! Source: Larin (2015), §4, equation (4.1) and Table 2. Equation ids FDI-3.1, FDI-3.2. [FDI-3.1]
 //!
 //! Determinant j is that of the 4×4 matrix [A y] left when row j is removed: it vanishes when the four remaining
 //! gyros agree, so that the least of the five names the failed gyro. Removing a second row from A leaves a 3×3

@@ -4,7 +4,7 @@
 //! that makes it agree with the other four: the same rate, without a second fit. Equation id FDI-9.
 //!
 //! In: measurements divided by their σ. Out: rate in body axes, rad/s, and its covariance, (rad/s)².
-use nalgebra::{Matrix3, RealField, SVector, Vector3};
+use nalgebra::{Matrix3, RealField, SVector, Vector2, Vector3};
 
 use super::orthogonal::ThinQr;
 use super::parity::{GYROS, ParitySpace};
@@ -27,7 +27,7 @@ impl<T: RealField + Copy> RateEstimator<T> {
         Self { gains: gain.data.0.map(Vector3::from), covariance: gain * gain.transpose() }
     }
 
-    /// The rate from all gyros, or from those without `excluded`, whose reading has no part in it, rad/s. `[FDI-9]`
+    /// The rate from all gyros, or from those without `excluded`, rad/s. `[FDI-9]`
     #[inline]
     pub fn rate(
         &self,
@@ -35,22 +35,33 @@ impl<T: RealField + Copy> RateEstimator<T> {
         whitened: &SVector<T, GYROS>,
         excluded: Option<usize>,
     ) -> Vector3<T> {
-        let mut readings = *whitened;
-        for (gyro, reading) in readings.iter_mut().enumerate() {
-            *reading = if Some(gyro) == excluded { T::zero() } else { *reading };
-        }
-        // The fault of the excluded gyro against the reading of nothing that stands for it, and its part in the rate.
-        let fault = excluded.map_or_else(T::zero, |gyro| space.fault_size(&space.parity(&readings), gyro));
-        let mut rate = self.gain(excluded) * -fault;
-        for (gain, &reading) in self.gains.iter().zip(&readings) {
-            rate += gain * reading;
-        }
-        rate
+        self.without(space, &self.of_all(whitened), &space.parity(whitened), excluded)
+    }
+
+    /// The rate from all gyros, rad/s.
+    #[inline]
+    pub fn of_all(&self, whitened: &SVector<T, GYROS>) -> Vector3<T> {
+        self.gains.iter().zip(whitened).fold(Vector3::zeros(), |rate, (gain, &reading)| rate + gain * reading)
+    }
+
+    /// That rate without the part of a gyro, rad/s: less what the fault puts into it that explains the parity of all.
+    /// The work is the same where none is excluded. `[FDI-9]`
+    #[inline]
+    pub fn without(
+        &self,
+        space: &ParitySpace<T>,
+        of_all: &Vector3<T>,
+        parity: &Vector2<T>,
+        excluded: Option<usize>,
+    ) -> Vector3<T> {
+        let (gyro, share) = (excluded.unwrap_or(0), excluded.map_or_else(T::zero, |_| T::one()));
+        of_all - self.gain(Some(gyro)) * (space.fault_size(parity, gyro) * share)
     }
 
     /// Covariance of that rate from the noise of the gyros in use, (rad/s)². `[FDI-9]`
     pub fn covariance(&self, space: &ParitySpace<T>, excluded: Option<usize>) -> Matrix3<T> {
-        let lost = self.gain(excluded) / excluded.map_or_else(T::one, |gyro| space.sensitivity_of(gyro));
+        let (gyro, share) = (excluded.unwrap_or(0), excluded.map_or_else(T::zero, |_| T::one()));
+        let lost = self.gain(Some(gyro)) * (share / space.sensitivity_of(gyro));
         self.covariance + lost * lost.transpose()
     }
 

@@ -8,9 +8,9 @@ use super::thermometer::Thermometer;
 use super::time::{Clock, Passage};
 use super::velocity::{Identifiers, VelocityChannel, usable};
 use super::{HEALTH_LEVELS, THERMOMETERS};
-use crate::compensation::{Block, Compensator, Known};
+use crate::compensation::{Block, Compensation, Compensator, Known};
 use crate::config::{ConfigError, Problem};
-use crate::health::{HealthConfig, HealthMonitor};
+use crate::health::{HealthConfig, HealthMonitor, HealthOutput};
 use crate::isolation::FaultIsolation;
 use crate::reading::{Quality, Reading};
 use crate::thermal::{TemperatureRateOutput, ThermalState};
@@ -20,6 +20,24 @@ use crate::thermal::{TemperatureRateOutput, ThermalState};
 pub struct FlightModule {
     stage: Stage,
     identifiers: Identifiers,
+    parts: Parts,
+}
+
+/// Parts that are built one by one where they stay: together they are too large for a small stack.
+#[derive(Clone, Copy, Debug)]
+struct Parts {
+    thermometers: [Slot<Thermometer>; THERMOMETERS],
+    compensator: Slot<Compensator>,
+    health: Slot<HealthMonitor<f32, HEALTH_LEVELS>>,
+}
+
+/// A part that is there once there is a configuration. The tag stands by itself, as in [`Stage`].
+#[derive(Clone, Copy, Debug)]
+#[repr(u8)]
+#[allow(clippy::large_enum_variant)] // Never moved.
+enum Slot<T> {
+    Empty,
+    Full(T),
 }
 
 /// Before and after the configuration.
@@ -39,13 +57,10 @@ struct Running {
     config: ModuleConfig,
     steps: u64,
     clock: Clock,
-    thermometers: [Thermometer; THERMOMETERS],
-    compensator: Compensator,
     /// The block in force has terms of the velocity channel.
     corrects_velocity: bool,
     velocity: VelocityChannel,
     isolation: FaultIsolation,
-    health: HealthMonitor<f32, HEALTH_LEVELS>,
     /// What happened since the last step, for its status.
     news: Status,
 }
@@ -53,7 +68,12 @@ struct Running {
 impl FlightModule {
     /// A module that waits for its configuration; until then every step answers [`Status::NOT_CONFIGURED`].
     pub const fn new() -> Self {
-        Self { stage: Stage::Waiting, identifiers: Identifiers::new() }
+        let parts = Parts {
+            thermometers: [Slot::Empty; THERMOMETERS],
+            compensator: Slot::Empty,
+            health: Slot::Empty,
+        };
+        Self { stage: Stage::Waiting, identifiers: Identifiers::new(), parts }
     }
 
     /// Checks the configuration and starts the module anew from it, in place and without a compensation block. On an error the
@@ -61,23 +81,20 @@ impl FlightModule {
     ///
     /// # Errors
     /// The first field that cannot be flown.
+    #[inline(never)]
     pub fn configure(&mut self, config: &ModuleConfig) -> Result<(), ConfigError> {
+        // After this nothing fails.
         config.validate()?;
-        let [a, b, c, d] = config.thermometers.each_ref().map(|it| Thermometer::try_build(it.as_ref()));
-        // A monitor that is off runs on missing readings.
-        let off = HealthConfig::doppler_against_inertial();
         self.stage = Stage::Running(Running {
             config: *config,
             steps: 0,
             clock: Clock::default(),
-            thermometers: [a?, b?, c?, d?],
-            compensator: Compensator::none(),
             corrects_velocity: false,
             velocity: VelocityChannel::try_build(&config.filter)?,
             isolation: FaultIsolation::try_build(&config.isolation)?,
-            health: HealthMonitor::try_build(config.health.as_ref().unwrap_or(&off))?,
             news: Status::empty(),
         });
+        self.parts.start(config)?;
         self.identifiers.start(&config.filter, &config.identification);
         Ok(())
     }
@@ -89,10 +106,12 @@ impl FlightModule {
     /// # Errors
     /// The first field that cannot be flown, or that there is no configuration yet.
     pub fn load_compensation(&mut self, block: &Block) -> Result<(), ConfigError> {
-        let compensator = Compensator::try_build(block)?;
-        let Stage::Running(running) = &mut self.stage else {
+        let (Stage::Running(running), Slot::Full(compensator)) =
+            (&mut self.stage, &mut self.parts.compensator)
+        else {
             return Err(ConfigError::new("compensation", Problem::BeforeConfiguration));
         };
+        compensator.load(block)?;
         let corrects_velocity = block.has_velocity_terms();
         if corrects_velocity || running.corrects_velocity {
             running.velocity = VelocityChannel::try_build(&running.config.filter)?;
@@ -101,7 +120,6 @@ impl FlightModule {
         }
         running.news |= Status::COMPENSATION_LOADED;
         running.corrects_velocity = corrects_velocity;
-        running.compensator = compensator;
         Ok(())
     }
 
@@ -114,7 +132,7 @@ impl FlightModule {
                 ..StepOutput::default()
             };
         };
-        running.step(&mut self.identifiers, input)
+        running.step(&mut self.identifiers, &mut self.parts, input)
     }
 }
 
@@ -124,8 +142,34 @@ impl Default for FlightModule {
     }
 }
 
+impl Parts {
+    /// Starts all of them; the configuration has been checked.
+    fn start(&mut self, config: &ModuleConfig) -> Result<(), ConfigError> {
+        for (thermometer, config) in self.thermometers.iter_mut().zip(&config.thermometers) {
+            *thermometer = Slot::Full(Thermometer::try_build(config.as_ref())?);
+        }
+        self.start_compensator();
+        self.start_health(config)
+    }
+
+    #[inline(never)]
+    fn start_compensator(&mut self) {
+        self.compensator = Slot::Full(Compensator::none());
+    }
+
+    /// A monitor that is off runs on missing readings.
+    #[inline(never)]
+    fn start_health(&mut self, config: &ModuleConfig) -> Result<(), ConfigError> {
+        let off = HealthConfig::doppler_against_inertial();
+        let monitor = HealthMonitor::try_build(config.health.as_ref().unwrap_or(&off))?;
+        self.health = Slot::Full(monitor);
+        Ok(())
+    }
+}
+
 impl Running {
-    fn step(&mut self, identifiers: &mut Identifiers, input: &StepInput) -> StepOutput {
+    #[inline(never)]
+    fn step(&mut self, identifiers: &mut Identifiers, parts: &mut Parts, input: &StepInput) -> StepOutput {
         self.steps += 1;
         let config = &self.config;
         let mut status = core::mem::replace(&mut self.news, Status::empty());
@@ -151,18 +195,24 @@ impl Running {
         // Temperatures and rates.
         let mut temperatures = [TemperatureRateOutput::default(); THERMOMETERS];
         let mut states = [ThermalState::default(); THERMOMETERS];
-        let all = self.thermometers.iter_mut().zip(&thermometers);
+        let all = parts.thermometers.iter_mut().zip(&thermometers);
         for ((output, state), (thermometer, reading)) in temperatures.iter_mut().zip(&mut states).zip(all) {
-            (*output, *state) = thermometer.step(steady_ms, reading);
+            if let Slot::Full(thermometer) = thermometer {
+                (*output, *state) = thermometer.step(steady_ms, reading);
+            }
         }
 
         // Corrections.
-        let compensation = self.compensator.correct(&Known {
+        let known = Known {
             thermometers: states,
             gyros: gyros.map(value_of),
             accelerometers: accelerometers.map(value_of),
             velocity,
-        });
+        };
+        let compensation = match &parts.compensator {
+            Slot::Full(compensator) => compensator.correct(&known),
+            Slot::Empty => Compensation::default(),
+        };
 
         // Velocity channel.
         let measured = velocity.map(|velocity| velocity - compensation.velocity);
@@ -186,7 +236,10 @@ impl Running {
             None => Reading::missing(),
         };
         let (radio, inertial) = (listened(&input.radio_velocity), listened(&input.inertial_velocity));
-        let health = self.health.step(&radio, &inertial, passage.elapsed());
+        let health = match &mut parts.health {
+            Slot::Full(monitor) => monitor.step(&radio, &inertial, passage.elapsed()),
+            Slot::Empty => HealthOutput::default(),
+        };
 
         StepOutput {
             step: self.steps,

@@ -1,4 +1,4 @@
-//! Temperature and its rate from a quantised thermometer [TMP-1]..[TMP-7].
+//! Temperature and its rate from a quantised thermometer [TMP-3]..[TMP-7].
 //!
 //! A quantised reading stays the same for minutes; only the instants at which it changes tell the temperature
 //! exactly, because then it equals a known threshold. Those instants are kept in a [`Window`], and a [`Fit`] of
@@ -15,6 +15,7 @@ use super::regression::{Estimate, Fit, Model};
 use super::window::{Entry, Window};
 use super::{Scalar, real, seconds_between};
 use crate::config::{ConfigError, Problem};
+use crate::number::select;
 use crate::reading::{Quality, Reading};
 
 /// Readings outside this range are not temperatures, degC.
@@ -240,8 +241,10 @@ impl<F: Scalar> TemperatureRate<F> {
         let y = if usable { y } else { F::zero() };
         let gap = self.running.is_some_and(|r| now_ms.saturating_sub(r.last_ms) > RESTART_GAP_MS);
         let restarted = gap || clock_was_set;
-        let before = self.running.filter(|_| !restarted);
-        let mut running = before.unwrap_or_else(|| Running::start(now_ms, y, &self.config));
+        // A fresh start is made in every step and taken in few; so is the old state kept.
+        let old = self.running;
+        let fresh = Running::start(now_ms, y, &self.config);
+        let mut running = *select(restarted, &fresh, old.as_ref().unwrap_or(&fresh));
         let mut counts = self.counts;
         running.update(now_ms, y, &self.config, &mut counts);
         running.window.expire(now_ms, u64::from(self.config.window_s) * 1000);
@@ -258,10 +261,10 @@ impl<F: Scalar> TemperatureRate<F> {
         status.set(ThermalStatus::RESTARTED, restarted);
         status.set(ThermalStatus::DITHER, dithers);
 
+        self.running = *select(accepted, &Some(running), &old);
         if accepted {
             self.counts = counts;
             self.clock_faults = 0;
-            self.running = Some(running);
             self.last = TemperatureRateOutput { temperature, rate, temperature_sigma, rate_sigma, status };
         } else {
             self.counts.rejected = self.counts.rejected.saturating_add(1);

@@ -1,4 +1,6 @@
 //! The passes over a run: state, measurements, feedback [TMP-12], [TMP-14].
+use std::cell::Cell;
+
 use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, Vector3};
 
 use super::experiment::{Arrangement, CalibrationError, Cycle, Experiment, invalid};
@@ -10,6 +12,8 @@ use super::result::ACCELEROMETER_MATRIX;
 
 /// Shortest stretch of uninterrupted gyro data that is used, s.
 const SHORTEST: usize = 60;
+/// Seconds of data between reports to whoever watches.
+const WATCHED: usize = 20;
 /// Seconds of the coarse levelling.
 const LEVELLING: usize = 10;
 
@@ -135,6 +139,9 @@ pub(super) struct Estimator<'a> {
     /// Scaled features, cycle by cycle, second by second.
     features: &'a [Vec<Vec<f64>>],
     segments: Vec<Segment>,
+    /// Told the seconds of data done and to be done; false ends the work.
+    watch: &'a dyn Fn(usize, usize) -> bool,
+    done: Cell<usize>,
 }
 
 /// The mean specific force of a second.
@@ -165,6 +172,7 @@ impl<'a> Estimator<'a> {
     pub(super) fn new(
         experiment: &'a Experiment,
         features: &'a [Vec<Vec<f64>>],
+        watch: &'a dyn Fn(usize, usize) -> bool,
     ) -> Result<Self, CalibrationError> {
         let layout = Layout::of(experiment);
         let samples = experiment.samples_per_second();
@@ -186,6 +194,8 @@ impl<'a> Estimator<'a> {
             earth: EarthStep::new(experiment.site.latitude, experiment.site.gravity, experiment.sample_s),
             features,
             segments,
+            watch,
+            done: Cell::new(0),
         })
     }
 
@@ -218,6 +228,8 @@ impl<'a> Estimator<'a> {
     fn pass(&self, found: &mut Option<Vec<Found>>, about: DVector<f64>) -> Result<Pass, CalibrationError> {
         let m = self.layout.count;
         let extended = found.is_none();
+        let all: usize = self.segments.iter().map(|segment| segment.seconds).sum();
+        let all = all * usize::from(self.experiment.passes);
         let mut pass = Pass {
             filter: SquareRootFilter::new(&self.prior),
             about,
@@ -233,6 +245,10 @@ impl<'a> Estimator<'a> {
             let remounted = k == 0 || self.segments[k - 1].cycle != segment.cycle;
             let mut attitude = self.start(&mut pass, segment, before, remounted)?;
             for second in segment.first..segment.first + segment.seconds {
+                self.done.set(self.done.get() + 1);
+                if self.done.get().is_multiple_of(WATCHED) && !(self.watch)(self.done.get(), all) {
+                    return Err(CalibrationError::Stopped);
+                }
                 self.second(&mut pass, segment.cycle, second, &mut attitude)?;
                 if extended {
                     feed_back(&mut pass, &mut attitude);

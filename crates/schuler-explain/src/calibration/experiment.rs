@@ -189,6 +189,9 @@ pub enum CalibrationError {
         /// What is wrong with it, and what is expected.
         problem: String,
     },
+    /// Whoever watches has ended the work.
+    #[error("stopped")]
+    Stopped,
     /// The covariance lost its meaning.
     #[error("cycle {cycle}, second {second}: the filter failed ({problem})")]
     Numerical {

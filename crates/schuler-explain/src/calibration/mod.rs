@@ -3,6 +3,7 @@
 //! | part | does |
 //! | --- | --- |
 //! | [`experiment`] | the run as recorded, and what is known beforehand |
+//! | `recorded` | the run that a case and its recording describe |
 //! | [`thermometer`] | temperature and rate with hindsight, from a quantised thermometer |
 //! | `kinematics` | attitude with its sensitivities to the gyros' coefficients |
 //! | `filter` | square-root filter of many constant parameters and three attitude errors |
@@ -17,6 +18,7 @@ pub mod experiment;
 mod filter;
 mod kinematics;
 pub mod observability;
+mod recorded;
 pub mod result;
 pub mod thermometer;
 
@@ -44,6 +46,17 @@ const SHIFT_TOLERANCE: f64 = 2.0;
 /// An experiment that contradicts itself, with the field; a filter that failed, with the second. A run that says little
 /// is no error: its verdicts say so.
 pub fn calibrate(experiment: &Experiment) -> Result<Calibration, CalibrationError> {
+    calibrate_watched(experiment, &|_, _| true)
+}
+
+/// The same; `watch` is told the seconds of data worked through and to be worked through, and may end the work by `false`.
+///
+/// # Errors
+/// As [`calibrate`], and when `watch` ends the work.
+pub fn calibrate_watched(
+    experiment: &Experiment,
+    watch: &dyn Fn(usize, usize) -> bool,
+) -> Result<Calibration, CalibrationError> {
     experiment.check()?;
     let samples = experiment.samples_per_second();
     let points: Vec<Vec<ThermalPoint>> =
@@ -51,7 +64,7 @@ pub fn calibrate(experiment: &Experiment) -> Result<Calibration, CalibrationErro
     let np = experiment.features.count();
     let features: Vec<Vec<Vec<f64>>> =
         points.iter().map(|cycle| cycle.iter().map(|p| scaled(p)[..np].to_vec()).collect()).collect();
-    let outcome = Estimator::new(experiment, &features)?.run()?;
+    let outcome = Estimator::new(experiment, &features, watch)?.run()?;
     Ok(report(experiment, &points, &features, &outcome))
 }
 

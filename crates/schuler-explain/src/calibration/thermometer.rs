@@ -92,7 +92,7 @@ impl Thermometry {
     }
 
     /// Temperature, rate and gradient at the middle of each of `seconds` seconds.
-    pub(super) fn points(&self, seconds: usize) -> Vec<ThermalPoint> {
+    pub fn points(&self, seconds: usize) -> Vec<ThermalPoint> {
         let middle = |a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|k| 0.5 * (a[k] + b[k]));
         match self {
             Self::Known(points) => points

@@ -91,7 +91,9 @@ pub struct SensorEvidence {
     pub density: Compared<Density>,
     /// Root mean square of residual and remainder about their means.
     pub rms: Compared<f64>,
-    /// Each finding against its cause.
+    /// The findings that add to it, by their places in the explanation.
+    pub findings: Vec<usize>,
+    /// Those that have one against their cause.
     pub dependences: Vec<Dependence>,
 }
 
@@ -141,6 +143,7 @@ fn of_sensor(arrays: SensorArrays, rows: usize, step_s: f64) -> SensorEvidence {
     let innovation =
         Compared { before: of_all_rows(innovation_before), after: of_all_rows(innovation_after) };
     let lags = autocorrelation::lags(rows);
+    let findings = parts.iter().map(|part| part.finding).collect();
     let repeats = dependence::repeats(&remainder);
     let dependences =
         parts.into_iter().filter_map(|part| Dependence::of(part, &remainder, repeats)).collect();
@@ -155,6 +158,7 @@ fn of_sensor(arrays: SensorArrays, rows: usize, step_s: f64) -> SensorEvidence {
         }),
         density: Compared::of(&residual[..], &remainder[..], |values| density(values, step_s)),
         rms: Compared::of(&residual[..], &remainder[..], spread),
+        findings,
         dependences,
         residual,
         explained,

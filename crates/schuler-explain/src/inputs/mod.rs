@@ -37,6 +37,8 @@ const RESTART_S: f64 = 300.0;
 const RESTART_STEPS: usize = 20;
 /// An auxiliary quantity varies if it moves by more than this many of its steps.
 const AUXILIARY_STEPS: f64 = 3.0;
+/// Or if it changes more seldom than in this part of the rows: it was switched, and does not flicker.
+const SWITCHED: f64 = 0.01;
 /// Most pairs of thermometers that are tried as gradients at one place.
 const MOST_GRADIENTS: usize = 6;
 
@@ -116,8 +118,7 @@ impl<'r> Inputs<'r> {
             .filter(|series| series.auxiliary.quantity != Quantity::Temperature)
             .filter_map(|series| {
                 let values = bridged(&time_s, &series.values)?;
-                let step = thermometer::step_of(&series.values);
-                let varies = series::varies(&values) && range(&values) >= (AUXILIARY_STEPS - 1e-6) * step;
+                let varies = series::varies(&values) && beyond_steps(&values, &series.values);
                 Some(AuxiliaryInput {
                     column: series.auxiliary.column.clone(),
                     quantity: series.auxiliary.quantity,
@@ -319,6 +320,13 @@ impl<'r> Inputs<'r> {
         }
         conditions
     }
+}
+
+/// Whether a quantity moves by more than its reading flickers: over several of its steps, or by being switched.
+fn beyond_steps(values: &[f64], readings: &[f64]) -> bool {
+    let step = thermometer::step_of(readings);
+    let changes = values.windows(2).filter(|pair| pair[0] != pair[1]).count();
+    range(values) >= (AUXILIARY_STEPS - 1e-6) * step || (changes as f64) < SWITCHED * values.len() as f64
 }
 
 /// Whether a thermometer's name or place says that it is at the electronics.

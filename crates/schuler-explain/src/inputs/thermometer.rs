@@ -363,6 +363,47 @@ mod tests {
         }
     }
 
+    /// A chamber that is switched between ramps and soaks, felt through a wall of 600 s.
+    fn chamber(time_s: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let knots =
+            [(0.0, 20.0), (5400.0, 20.0), (10_800.0, 50.0), (14_400.0, 50.0), (21_600.0, 10.0), (1e9, 10.0)];
+        let outside = series::map(time_s, |t| {
+            let next = knots.iter().position(|&(at, _)| at > t).unwrap();
+            let ((t0, a), (t1, b)) = (knots[next - 1], knots[next]);
+            a + (b - a) * (t - t0) / (t1 - t0)
+        });
+        let inside = series::lagged(time_s, &outside, 600.0);
+        let rate = outside.iter().zip(&inside).map(|(outside, inside)| (outside - inside) / 600.0).collect();
+        (inside, rate)
+    }
+
+    #[test]
+    fn a_coefficient_on_the_rate_is_right_where_heating_is_switched() {
+        let time_s: Vec<f64> = (0..28_800).map(f64::from).collect();
+        let (temperature, rate) = chamber(&time_s);
+        for (step, noise) in [
+            (0.0625, 0.0),
+            (0.0625, 0.006),
+            (0.0625, 0.03),
+            (0.25, 0.0),
+            (0.25, 0.05),
+            (1.0, 0.0),
+            (0.0, 0.05),
+        ] {
+            let readings = quantised(&temperature, step, noise, 11);
+            let thermometer = Thermometer::new("t", None, None, &time_s, &readings).unwrap();
+            let error: Vec<f64> = rate.iter().zip(&*thermometer.rate).map(|(t, e)| t - e).collect();
+            let found = slope(&rate, &thermometer.rate);
+            println!(
+                "chamber: step {step} K, noise {noise} K: slope {found:.4}, error {:.3} of {:.3} K/h, said {:.3}",
+                3600.0 * series::rms(&error),
+                3600.0 * series::deviation(&rate),
+                3600.0 * series::mean(&thermometer.rate_variance).sqrt()
+            );
+            assert!((found - 1.0).abs() < 0.05, "step {step}, noise {noise}: {found}");
+        }
+    }
+
     #[test]
     fn a_thermometer_read_less_often_than_the_rows_is_not_a_staircase() {
         let time_s: Vec<f64> = (0..86_400).map(f64::from).collect();

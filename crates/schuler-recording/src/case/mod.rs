@@ -1,7 +1,9 @@
 //! The case file `schuler-case/1`: one recording, what its columns mean, and what its user believes about them.
 //!
 //! The types hold the file as it is written, in the units of the file; [`Sensor::in_si`] is the one conversion.
-//! Keys that a file may leave out have the defaults of [`Default`].
+//! Keys that a file may leave out have the defaults of [`Default`]. The part about calibration runs is described in
+//! [`calibration`].
+pub mod calibration;
 mod read;
 mod write;
 
@@ -53,9 +55,19 @@ pub struct Case {
     /// The sensors.
     #[serde(rename = "sensor")]
     pub sensors: Vec<Sensor>,
+    /// A calibration run on a table at changing temperature.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<calibration::CalibrationRun>,
     /// Other recorded quantities.
     #[serde(rename = "aux", skip_serializing_if = "Vec::is_empty")]
     pub auxiliaries: Vec<Auxiliary>,
+}
+
+impl Case {
+    /// The table of a calibration run, if it has an angle sensor.
+    pub fn table(&self) -> Option<&calibration::Table> {
+        self.calibration.as_ref()?.table.as_ref()
+    }
 }
 
 /// Where the table is and what its time means.

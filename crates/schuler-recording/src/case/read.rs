@@ -47,6 +47,7 @@ fn case(node: &Node<'_>) -> Option<Case> {
     let site = optional(node, "site", |field| field.table(site));
     let motion = optional(node, "motion", |field| field.table(motion));
     let schuler_loop = optional(node, "loop", |field| field.table(schuler_loop));
+    let calibration = optional(node, "calibration", |field| field.table(super::calibration::calibration));
     let sensors = node.tables("sensor", sensor);
     let auxiliaries = node.tables("aux", auxiliary);
     format?;
@@ -57,6 +58,7 @@ fn case(node: &Node<'_>) -> Option<Case> {
         motion: motion?.unwrap_or_default(),
         schuler_loop: schuler_loop?,
         sensors: sensors?,
+        calibration: calibration?,
         auxiliaries: auxiliaries?,
     };
     agrees_with_itself(node, case)
@@ -304,7 +306,7 @@ fn schuler_loop(node: &Node<'_>) -> Option<SchulerLoop> {
 
 /// `Some(None)` where the key is absent, `None` where it is there but wrong (which has been reported).
 #[allow(clippy::option_option)]
-fn optional<'d, T>(
+pub(super) fn optional<'d, T>(
     node: &Node<'d>,
     key: &'static str,
     read: impl FnOnce(&Field<'d>) -> Option<T>,
@@ -315,7 +317,7 @@ fn optional<'d, T>(
     }
 }
 
-fn positive(field: &Field<'_>) -> Option<f64> {
+pub(super) fn positive(field: &Field<'_>) -> Option<f64> {
     field.number_where("a number greater than zero", |number| number > 0.0)
 }
 

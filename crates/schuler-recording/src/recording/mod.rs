@@ -32,6 +32,8 @@ pub struct Recording {
     pub auxiliaries: Vec<AuxiliarySeries>,
     /// What the body did, as far as there are columns for it.
     pub motion: MotionSeries,
+    /// Angle of the table in a calibration run, rad; NaN = missing.
+    pub table_angle: Option<Vec<f64>>,
     /// What the user should be told: unknown keys, a row cut off, infinite values.
     pub warnings: Vec<String>,
 }
@@ -122,6 +124,9 @@ impl Recording {
         let specific_force = motion_columns(&motion.specific_force, "specific_force");
         let velocity_ned = motion_columns(&motion.velocity_ned, "velocity_ned");
         let attitude_rad = motion_columns(&motion.attitude_rad, "attitude_rad");
+        let table_angle = file.case.table();
+        let angle_unit = table_angle.map_or(1.0, |it| it.unit.in_si());
+        let table_angle = table_angle.map(|it| wanted.column(&it.column, "calibration.table.column"));
         let indices = wanted.finish()?;
 
         let mut columns = table.read(&indices)?;
@@ -157,11 +162,8 @@ impl Recording {
         };
         let sensors = (file.case.sensors.iter().zip(sensors))
             .map(|(sensor, column)| {
-                let (mut values, quality) = series(column, &sensor.column);
-                let factor = sensor.unit.in_si();
-                for value in &mut values {
-                    *value *= factor;
-                }
+                let (values, quality) = series(column, &sensor.column);
+                let values = scaled(values, sensor.unit.in_si());
                 SensorSeries { sensor: sensor.in_si(), written_unit: sensor.unit, values, quality }
             })
             .collect();
@@ -178,6 +180,7 @@ impl Recording {
                 AuxiliarySeries { auxiliary, values, quality }
             })
             .collect();
+        let table_angle = table_angle.map(|column| scaled(series(column, "calibration.table").0, angle_unit));
         let mut triple = |columns: Option<[usize; 3]>| {
             columns.map(|columns| columns.map(|column| series(column, "motion").0))
         };
@@ -196,6 +199,7 @@ impl Recording {
             sensors,
             auxiliaries,
             motion,
+            table_angle,
             warnings,
         })
     }
@@ -225,6 +229,11 @@ impl Recording {
     pub fn auxiliary(&self, column: &str) -> Option<&AuxiliarySeries> {
         self.auxiliaries.iter().find(|series| series.auxiliary.column == column)
     }
+}
+
+/// Values times a factor.
+fn scaled(values: Vec<f64>, factor: f64) -> Vec<f64> {
+    values.into_iter().map(|value| value * factor).collect()
 }
 
 /// The auxiliary quantities with the path of each in the case: those that the case lists, and the temperatures that

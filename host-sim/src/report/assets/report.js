@@ -343,7 +343,13 @@
   const recolour = () => {
     readColours();
     themeButton.setAttribute("aria-pressed", String(isDark()));
-    for (const { plot } of plots) plot.redraw(false);
+    for (const { plot, chart, rows } of plots) {
+      plot.redraw(false);
+      chart.curves.forEach((curve, index) => {
+        const marker = rows[index + 1].querySelector(".u-marker");
+        if (marker) marker.style.borderColor = colours[curve.ink];
+      });
+    }
   };
   themeButton.addEventListener("click", () => {
     root.dataset.theme = isDark() ? "light" : "dark";

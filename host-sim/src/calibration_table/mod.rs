@@ -3,10 +3,15 @@
 //! conduction, and the true errors of the sensors, and records what the sensors, the table and the thermometer say.
 //!
 //! Frames: local east, north, up; table (axis 1 along the table's axis, axis 2 up at zero angle); body. SI units, rad, degC.
+pub mod recorded;
+pub mod scenario;
+
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
+
+use crate::output::Interrupted;
 
 /// Earth's rotation, rad/s.
 const EARTH_RATE: f64 = 7.292_115e-5;
@@ -169,14 +174,35 @@ impl TriadErrors {
 impl CalibrationTable {
     /// One run; the same seed gives the same run.
     pub fn run(&self, seed: u64) -> TableRecord {
+        // Nobody ends the work.
+        self.run_watched(seed, &mut |_| Ok(())).unwrap_or_default()
+    }
+
+    /// The same; `watch` is told the seconds done and may end the work.
+    ///
+    /// # Errors
+    /// What `watch` says.
+    pub fn run_watched(
+        &self,
+        seed: u64,
+        watch: &mut impl FnMut(usize) -> Result<(), Interrupted>,
+    ) -> Result<TableRecord, Interrupted> {
         let mut random = Pcg64::seed_from_u64(seed);
         let length = 3 * (self.cycle_s + REMOUNTING_S) + 1;
         let temperature = self.programme.course(length, self.cycle_s + REMOUNTING_S);
-        let cycles = (0..3).map(|axis| self.cycle(axis, &temperature, &mut random)).collect();
-        TableRecord { cycles, temperature }
+        let cycles = (0..3)
+            .map(|axis| self.cycle(axis, &temperature, &mut random, watch))
+            .collect::<Result<_, _>>()?;
+        Ok(TableRecord { cycles, temperature })
     }
 
-    fn cycle(&self, axis: usize, temperature: &[SensorTemperature], random: &mut Pcg64) -> CycleRecord {
+    fn cycle(
+        &self,
+        axis: usize,
+        temperature: &[SensorTemperature],
+        random: &mut Pcg64,
+        watch: &mut impl FnMut(usize) -> Result<(), Interrupted>,
+    ) -> Result<CycleRecord, Interrupted> {
         let began_s = axis * (self.cycle_s + REMOUNTING_S) + REMOUNTING_S / 2;
         let samples = self.samples_per_second;
         let h = 1.0 / samples as f64;
@@ -192,6 +218,9 @@ impl CalibrationTable {
         let mut before = attitude(0.0);
         for k in 0..self.cycle_s * samples {
             let (t, second) = (k as f64 * h, k / samples);
+            if k % samples == 0 {
+                watch(began_s + second)?;
+            }
             let after = attitude(t + h);
             let part = (t + 0.5 * h).fract();
             let now = between(&temperature[second], &temperature[second + 1], part);
@@ -207,7 +236,7 @@ impl CalibrationTable {
         }
         record.angle =
             (0..=self.cycle_s).map(|s| self.angle(s as f64) + self.angle_noise * normal(random)).collect();
-        record
+        Ok(record)
     }
 
     /// Body to local.
