@@ -42,7 +42,13 @@ fn single_precision_flies_where_it_is_enough() {
     println!("{table}");
     for line in &lines {
         if let Some(bar) = line.bar {
-            assert!(line.single <= bar, "{}, {}: {:.2e}, more than {bar:e}", line.part, line.quantity, line.single);
+            assert!(
+                line.single <= bar,
+                "{}, {}: {:.2e}, more than {bar:e}",
+                line.part,
+                line.quantity,
+                line.single
+            );
         }
     }
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/numerics.md");
@@ -50,7 +56,11 @@ fn single_precision_flies_where_it_is_enough() {
         fs::write(&path, &table).unwrap();
     }
     let written = fs::read_to_string(&path).unwrap_or_default();
-    assert!(written == table, "{} is not this table; SCHULER_REWRITE_GOLDEN=1 writes it anew", path.display());
+    assert!(
+        written == table,
+        "{} is not this table; SCHULER_REWRITE_GOLDEN=1 writes it anew",
+        path.display()
+    );
 }
 
 fn table(lines: &[Line]) -> String {
@@ -59,10 +69,12 @@ fn table(lines: &[Line]) -> String {
          `SCHULER_REWRITE_GOLDEN=1 cargo test -p schuler-core --test numerics`.\n\n\
          | part | largest error | single | double | bar | flies |\n| --- | --- | --- | --- | --- | --- |\n",
     );
-    let number = |value: Option<f64>| value.map_or_else(|| "reference".into(), |value| format!("{value:.1e}"));
+    let number =
+        |value: Option<f64>| value.map_or_else(|| "reference".into(), |value| format!("{value:.1e}"));
     for Line { part, quantity, single, double, bar, flies } in lines {
-        let bar = bar.map_or_else(|| "–".into(), |bar| format!("{bar:.0e}"));
-        let _ = writeln!(text, "| {part} | {quantity} | {single:.1e} | {} | {bar} | {flies} |", number(*double));
+        let bar = bar.map_or_else(|| "–".into(), |bar| format!("{bar:.1e}"));
+        let _ =
+            writeln!(text, "| {part} | {quantity} | {single:.1e} | {} | {bar} | {flies} |", number(*double));
     }
     text.push_str(
         "\nFilter and determinants: against double-double arithmetic (32 digits), with another formula: the model as the\n\
@@ -94,7 +106,8 @@ const CHANNEL: FilterConfig<f32> = FilterConfig {
 
 /// The same numbers in double precision: what is compared is the arithmetic.
 fn doubled(config: &FilterConfig<f32>) -> FilterConfig<f64> {
-    let noise = |noise: &MarkovNoise<f32>| MarkovNoise { sigma: noise.sigma.into(), tau_s: noise.tau_s.into() };
+    let noise =
+        |noise: &MarkovNoise<f32>| MarkovNoise { sigma: noise.sigma.into(), tau_s: noise.tau_s.into() };
     FilterConfig {
         radius_m: config.radius_m.into(),
         gravity: config.gravity.into(),
@@ -256,7 +269,12 @@ impl Errors {
         vec![
             line("states, in their standard deviations", single.mean, double.mean, bar),
             line("covariance, relative to the variances", single.covariance, double.covariance, 2e-4),
-            line("negative of the least pivot of the correlations", single.indefinite, double.indefinite, 0.0),
+            line(
+                "negative of the least pivot of the correlations",
+                single.indefinite,
+                double.indefinite,
+                0.0,
+            ),
         ]
     }
 }
@@ -272,8 +290,10 @@ fn filter_lines() -> Vec<Line> {
     let mut truth = [0.0_f64; 4];
     let mut random = Pcg64::new(1, 2);
     let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
-    let (mut of_single, mut of_double) =
-        (Errors { indefinite: f64::MIN, ..Errors::default() }, Errors { indefinite: f64::MIN, ..Errors::default() });
+    let (mut of_single, mut of_double) = (
+        Errors { indefinite: f64::MIN, ..Errors::default() },
+        Errors { indefinite: f64::MIN, ..Errors::default() },
+    );
     let mut lines = Vec::new();
     for step in 0..30 * DAY {
         let dot = |row: &[f64; 4]| row.iter().zip(&truth).map(|(f, x)| f * x).sum::<f64>();
@@ -383,7 +403,11 @@ fn gyro_lines() -> Vec<Line> {
         flies: "single",
     };
     lines.push(line("statistic over its threshold", level, 1e-4));
-    lines.push(line("share of steps with another decision", f64::from(decisions) / f64::from(10 * DAY), 1e-5));
+    lines.push(line(
+        "share of steps with another decision",
+        f64::from(decisions) / f64::from(10 * DAY),
+        1e-5,
+    ));
     lines
 }
 
@@ -395,7 +419,8 @@ fn determinant(axes: &[[f64; 3]; 5], readings: &[f64; 5], removed: usize) -> Two
         .collect();
     let mut sum = of(0.0);
     for (p, row) in rows.iter().enumerate() {
-        let others: Vec<&[TwoFloat; 4]> = rows.iter().enumerate().filter(|(k, _)| *k != p).map(|(_, row)| row).collect();
+        let others: Vec<&[TwoFloat; 4]> =
+            rows.iter().enumerate().filter(|(k, _)| *k != p).map(|(_, row)| row).collect();
         let [a, b, c] = [others[0], others[1], others[2]];
         let minor = a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0])
             + a[2] * (b[0] * c[1] - b[1] * c[0]);

@@ -294,8 +294,14 @@ impl<T: RealField + Copy> Kernel<T> for ColouredGaussian<T> {
             [_, _, _, _, ww, wx],
             [.., xx],
         ] = self.covariance;
-        let [_, [_, prior_d, ..], [_, _, prior_a, ..], [_, _, _, prior_b, ..], [.., prior_w, _], [.., prior_x]] =
-            prior.covariance;
+        let [
+            _,
+            [_, prior_d, ..],
+            [_, _, prior_a, ..],
+            [_, _, _, prior_b, ..],
+            [.., prior_w, _],
+            [.., prior_x],
+        ] = prior.covariance;
         let [_, most_d, most_a, most_w] = most.variance;
         let vv = select(restart.condition, restart.velocity_variance, vv);
         let [vd, va, vb, vw, vx] =

@@ -50,12 +50,8 @@ impl<T: RealField + Copy> Kernel<T> for Gaussian<T> {
         let [v, d, a, w] = self.mean;
         let ([a11, a12, b11, b12], [a21, a22, b21, b22]) = (model.velocity, model.vertical);
         let [da, dw] = model.decay;
-        self.mean = [
-            a11 * v + a12 * d + b11 * a + b12 * w,
-            a21 * v + a22 * d + b21 * a + b22 * w,
-            da * a,
-            dw * w,
-        ];
+        self.mean =
+            [a11 * v + a12 * d + b11 * a + b12 * w, a21 * v + a22 * d + b21 * a + b22 * w, da * a, dw * w];
 
         let [l11, l12, c11, c12, l22, c21, c22, s11, s12, s22] = self.covariance;
         let q = &model.noise;
@@ -131,12 +127,8 @@ impl<T: RealField + Copy> Kernel<T> for Gaussian<T> {
         let [_, d, a, w] = self.mean;
         let [_, prior_d, prior_a, prior_w] = prior.mean;
         let [_, most_d, most_a, most_w] = most.mean;
-        self.mean = [
-            restart.velocity,
-            mean(d, prior_d, most_d),
-            mean(a, prior_a, most_a),
-            mean(w, prior_w, most_w),
-        ];
+        self.mean =
+            [restart.velocity, mean(d, prior_d, most_d), mean(a, prior_a, most_a), mean(w, prior_w, most_w)];
         let [vv, vd, va, vw, dd, da, dw, aa, aw, ww] = self.covariance;
         let [_, prior_d, prior_a, prior_w] = prior.variances();
         let [_, most_d, most_a, most_w] = most.variance;

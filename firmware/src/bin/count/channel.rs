@@ -1,8 +1,8 @@
 //! The error filter of the channel, with four states and with six.
 use nalgebra::RealField;
 use schuler_core::filter::{
-    ColouredGaussian, ColouredModel, ColouredNoise, DiscreteModel, ErrorFilter, FilterConfig, FilterOutput, FilterStep,
-    Gaussian, Innovation, Kernel, MarkovNoise,
+    ColouredGaussian, ColouredModel, ColouredNoise, DiscreteModel, ErrorFilter, FilterConfig, FilterOutput,
+    FilterStep, Gaussian, Innovation, Kernel, MarkovNoise,
 };
 
 use crate::arithmetic::heading;

@@ -2,8 +2,8 @@
 use nalgebra::{ComplexField, RealField};
 use schuler_core::health::{HealthConfig, HealthMonitor, HealthOutput};
 use schuler_core::reading::Reading;
-use schuler_core::thermal::compensation::{CompensationBlock, Compensator, Correction};
 use schuler_core::thermal::Scalar;
+use schuler_core::thermal::compensation::{CompensationBlock, Compensator, Correction};
 use schuler_core::thermal::features::ThermalState;
 use schuler_core::thermal::rate::{TemperatureRate, TemperatureRateConfig, TemperatureRateOutput};
 
@@ -36,7 +36,9 @@ impl Thermometer {
             700..705 => reading.value = nalgebra::convert(f64::NAN),
             1200 => reading.value = nalgebra::convert(-300.0),
             1300..1310 => time_ms = 5000,
-            _ if random.once_in(50) => reading = Reading { quality: schuler_core::reading::Quality::Missing, ..reading },
+            _ if random.once_in(50) => {
+                reading = Reading { quality: schuler_core::reading::Quality::Missing, ..reading }
+            }
             _ if random.once_in(100) => reading.value += nalgebra::convert(20.0),
             _ => (),
         }
@@ -51,12 +53,19 @@ pub fn count<T: Scalar + Default>(meter: &mut Meter, precision: &str) {
     meter.part(
         &heading("temperature rate", precision),
         SAMPLES,
-        (rate, Thermometer { step: 0, temperature: 20.0 }, (0, Reading::missing()), TemperatureRateOutput::default()),
+        (
+            rate,
+            Thermometer { step: 0, temperature: 20.0 },
+            (0, Reading::missing()),
+            TemperatureRateOutput::default(),
+        ),
         |(_, thermometer, next, _), random| *next = thermometer.next(random),
         |(rate, _, (time_ms, reading), output)| *output = rate.step(*time_ms, reading),
     );
 
-    let Ok(monitor) = HealthMonitor::try_build(&HealthConfig::<T, 2>::doppler_against_inertial()) else { return };
+    let Ok(monitor) = HealthMonitor::try_build(&HealthConfig::<T, 2>::doppler_against_inertial()) else {
+        return;
+    };
     let pair = Pair { step: 0, radio: Reading::missing(), inertial: Reading::missing(), elapsed: 1 };
     meter.part(
         &heading("health monitor", precision),

@@ -76,8 +76,12 @@ pub fn count(
     let mut config = ModuleConfig::default();
     config.identification.first_s = FIRST_S;
     config.identification.interval_s = INTERVAL_S;
-    let mut flying =
-        Flying { module, flight: Flight::new(true), input: StepInput::default(), output: StepOutput::default() };
+    let mut flying = Flying {
+        module,
+        flight: Flight::new(true),
+        input: StepInput::default(),
+        output: StepOutput::default(),
+    };
 
     let configure = |flying: &mut (&mut Flying, ModuleConfig)| {
         let _ = black_box(flying.0.module.configure(&flying.1));
