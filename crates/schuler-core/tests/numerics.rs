@@ -378,7 +378,7 @@ fn gyro_lines() -> Vec<Line> {
         give_up_samples: config.give_up_samples,
     };
     let (mut single, mut double) = (FiveGyroDetector::new(&narrow), FiveGyroDetector::new(&detector));
-    let lines_single = space.to_single();
+    let lines_single = space.single();
     let (mut level, mut decisions) = (0.0_f64, 0_u32);
     for step in 0..10 * DAY {
         // A slow fault of one gyro in every other hour.

@@ -151,7 +151,7 @@ impl FaultIsolation {
             offset_rejected: false,
             excluded: 0,
             covariance: Matrix3::zeros(),
-            lines: space.to_single(),
+            lines: space.single(),
             space,
         })
     }
