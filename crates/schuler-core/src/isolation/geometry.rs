@@ -125,7 +125,7 @@ impl<T: RealField + Copy, const N: usize> BlockGeometry<T, N> {
 
 impl<const N: usize> BlockGeometry<f64, N> {
     /// The same in single precision.
-    pub(super) fn to_single(&self) -> BlockGeometry<f32, N> {
+    pub(super) fn single(&self) -> BlockGeometry<f32, N> {
         BlockGeometry {
             axes: self.axes.map(|axis| axis.map(|x| x as f32)),
             reference_sigma: self.reference_sigma as f32,

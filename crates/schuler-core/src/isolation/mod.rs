@@ -42,7 +42,7 @@ mod size;
 mod sums;
 pub mod thresholds;
 
-use nalgebra::{ComplexField, Matrix3, SVector, Vector2, Vector3};
+use nalgebra::{ComplexField, Matrix3, SVector, Vector2};
 
 use crate::config::ConfigError;
 use crate::number::select;
@@ -100,8 +100,8 @@ pub struct FaultIsolation {
 
 /// One sample, made ready for the detectors.
 struct Sample {
-    /// Rate from all readings, zero in place of those that could not be used, rad/s.
-    rate_of_all: Vector3<f64>,
+    /// Measurements less their constant errors, in σ; zero where a reading could not be used.
+    whitened: SVector<f64, GYROS>,
     /// Gyros that could not be read.
     unusable: GyroMask,
     /// A gyro is stuck just now.
@@ -157,7 +157,7 @@ impl FaultIsolation {
             offset_rejected: false,
             excluded: 0,
             covariance: Matrix3::zeros(),
-            lines: space.to_single(),
+            lines: space.single(),
             space,
         })
     }
@@ -235,7 +235,7 @@ impl FaultIsolation {
             | raise(IsolationFlags::READMITTED, recovered);
 
         let trusted = verdict != Verdict::BlockUntrusted;
-        let rate = self.estimator.without(&self.space, &sample.rate_of_all, &sample.parity, only(absent));
+        let rate = self.estimator.rate(&self.space, &sample.whitened, only(absent));
         self.covariance = self.estimator.covariance(&self.space, only(absent));
         let rate_sigma = self.covariance.diagonal().map(ComplexField::sqrt);
         let (fault_size, fault_sigma) = self.fault_size();
@@ -299,15 +299,14 @@ impl FaultIsolation {
             *value = if unusable >> gyro & 1 == 0 { *value } else { 0.0 };
         }
         let absent = self.excluded | unusable;
-        let (rate_of_all, parity) = (self.estimator.of_all(&whitened), self.space.parity(&whitened));
-        let rate = self.estimator.without(&self.space, &rate_of_all, &parity, only(absent));
-        let rate_squared = rate.norm_squared();
+        let rate_squared = self.estimator.rate(&self.space, &whitened, only(absent)).norm_squared();
         let fast = absent.count_ones() < 2 && rate_squared > self.rate_limit_squared;
         // Repeated readings are not new evidence.
         let suspended = fast || input.frozen;
         // Scale and alignment errors grow with the rate: they count as noise, and long sums stay out of them.
         let shrink = ComplexField::sqrt(1.0 / (1.0 + self.inflation * rate_squared));
 
+        let parity = self.space.parity(&whitened);
         let calibrating = self.calibration.running();
         if let Some(mean) = self.calibration.step(&parity, complete && !suspended && self.excluded == 0) {
             self.take_offset(&mean);
@@ -321,7 +320,7 @@ impl FaultIsolation {
             | raise(IsolationFlags::OFFSET_REJECTED, self.offset_rejected);
         Sample {
             determinants: self.determinants.of(&whitened) * shrink,
-            rate_of_all,
+            whitened,
             unusable,
             stuck: input.stuck != 0,
             suspended,

@@ -4,10 +4,11 @@
 //! that makes it agree with the other four: the same rate, without a second fit. Equation id FDI-9.
 //!
 //! In: measurements divided by their σ. Out: rate in body axes, rad/s, and its covariance, (rad/s)².
-use nalgebra::{Matrix3, RealField, SVector, Vector2, Vector3};
+use nalgebra::{Matrix3, RealField, SVector, Vector3};
 
 use super::orthogonal::ThinQr;
 use super::parity::{GYROS, ParitySpace};
+use crate::number::select;
 
 /// Weighted least squares over all five gyros, and over every four of them.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,7 +28,8 @@ impl<T: RealField + Copy> RateEstimator<T> {
         Self { gains: gain.data.0.map(Vector3::from), covariance: gain * gain.transpose() }
     }
 
-    /// The rate from all gyros, or from those without `excluded`, rad/s. `[FDI-9]`
+    /// The rate from all gyros, or from those without `excluded`, whose reading has no part in it, rad/s. The work is
+    /// the same where none is excluded. `[FDI-9]`
     #[inline]
     pub fn rate(
         &self,
@@ -35,32 +37,24 @@ impl<T: RealField + Copy> RateEstimator<T> {
         whitened: &SVector<T, GYROS>,
         excluded: Option<usize>,
     ) -> Vector3<T> {
-        self.without(space, &self.of_all(whitened), &space.parity(whitened), excluded)
-    }
-
-    /// The rate from all gyros, rad/s.
-    #[inline]
-    pub fn of_all(&self, whitened: &SVector<T, GYROS>) -> Vector3<T> {
-        self.gains.iter().zip(whitened).fold(Vector3::zeros(), |rate, (gain, &reading)| rate + gain * reading)
-    }
-
-    /// That rate without the part of a gyro, rad/s: less what the fault puts into it that explains the parity of all.
-    /// The work is the same where none is excluded. `[FDI-9]`
-    #[inline]
-    pub fn without(
-        &self,
-        space: &ParitySpace<T>,
-        of_all: &Vector3<T>,
-        parity: &Vector2<T>,
-        excluded: Option<usize>,
-    ) -> Vector3<T> {
-        let (gyro, share) = (excluded.unwrap_or(0), excluded.map_or_else(T::zero, |_| T::one()));
-        of_all - self.gain(Some(gyro)) * (space.fault_size(parity, gyro) * share)
+        let mut readings = *whitened;
+        for (gyro, reading) in readings.iter_mut().enumerate() {
+            *reading = select(Some(gyro) == excluded, T::zero(), *reading);
+        }
+        // The fault of the excluded gyro against the reading of nothing that stands for it, and its part in the rate.
+        let gyro = excluded.unwrap_or(0);
+        let fault = space.fault_size(&space.parity(&readings), gyro);
+        let fault = select(excluded.is_some(), fault, T::zero());
+        let mut rate = self.gain(Some(gyro)) * -fault;
+        for (gain, &reading) in self.gains.iter().zip(&readings) {
+            rate += gain * reading;
+        }
+        rate
     }
 
     /// Covariance of that rate from the noise of the gyros in use, (rad/s)². `[FDI-9]`
     pub fn covariance(&self, space: &ParitySpace<T>, excluded: Option<usize>) -> Matrix3<T> {
-        let (gyro, share) = (excluded.unwrap_or(0), excluded.map_or_else(T::zero, |_| T::one()));
+        let (gyro, share) = (excluded.unwrap_or(0), select(excluded.is_some(), T::one(), T::zero()));
         let lost = self.gain(Some(gyro)) * (share / space.sensitivity_of(gyro));
         self.covariance + lost * lost.transpose()
     }

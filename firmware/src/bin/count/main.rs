@@ -4,6 +4,12 @@
 //! median and the most instructions over inputs that are drawn at random with faults, gaps and nonsense among them, and
 //! the most bytes of stack; separated by `|`. At the end a line `end`.
 #![cfg_attr(target_os = "none", no_std, no_main)]
+#![allow(
+    clippy::cast_precision_loss,
+    clippy::inline_always,
+    clippy::many_single_char_names,
+    reason = "inputs are small numbers, every operation is to be counted by itself, and the letters are the equations'"
+)]
 
 #[cfg(not(target_os = "none"))]
 fn main() {}

@@ -48,7 +48,7 @@ impl Random {
 
     /// True once in so many times.
     pub fn once_in(&mut self, times: u32) -> bool {
-        self.0.next_u32() % times == 0
+        self.0.next_u32().is_multiple_of(times)
     }
 }
 

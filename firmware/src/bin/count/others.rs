@@ -1,4 +1,4 @@
-//! The same filter by libraries of others: what they take, and that they compute the same.
+//! The same filter by libraries of others.
 use minikalman::prelude::*;
 use minikalman::regular::{RegularKalmanBuilder, RegularObservationBuilder};
 use nalgebra::{Matrix4, RealField, RowVector4, Vector4};
