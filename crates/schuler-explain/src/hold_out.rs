@@ -219,7 +219,7 @@ impl Sums {
             nll_per_sample: self.nll / count,
             rmse: (self.errors / count).sqrt(),
             // The least of several, corrected for their number.
-            whiteness_p: 1.0 - (1.0 - least).powi(self.whiteness.len().max(1) as i32),
+            whiteness_p: 1.0 - (1.0 - least).powf(self.whiteness.len().max(1) as f64),
             nis_mean: self.squares / count,
         }
     }

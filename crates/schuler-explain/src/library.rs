@@ -73,6 +73,9 @@ struct Prepared {
     inverse: DMatrix<f64>,
 }
 
+/// Norms of a block's columns and the Cholesky root of their correlations.
+type Root = (DVector<f64>, Option<Cholesky<f64, Dyn>>);
+
 /// What an entry gains.
 #[derive(Clone, Copy, Debug)]
 pub struct Gain {
@@ -234,7 +237,7 @@ impl Library {
     /// The distribution of the best candidate where nothing is hidden: whitened innovations are then independent
     /// standard normals, and the scores jointly normal with the columns' normal matrix.
     pub fn null_distribution(&self, candidates: usize) -> NullDistribution {
-        let roots: Vec<(DVector<f64>, Option<Cholesky<f64, Dyn>>)> = (self.blocks.par_iter())
+        let roots: Vec<Root> = (self.blocks.par_iter())
             .map(|block| {
                 let scale = block.normal.diagonal().map(|d| if d > 0.0 { d.sqrt() } else { 0.0 });
                 let size = scale.len();
@@ -383,9 +386,9 @@ fn ln_number_of_mean(mean: f64) -> f64 {
     for _ in 0..40 {
         let middle = 0.5 * (low + high);
         if statrs::function::gamma::digamma(middle.exp() + 1.0) < target {
-            low = middle
+            low = middle;
         } else {
-            high = middle
+            high = middle;
         }
     }
     low

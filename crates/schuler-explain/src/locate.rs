@@ -233,7 +233,7 @@ fn conditional(block: &crate::nominal::Block, e: &[f64], values: &[f64]) -> Opti
     if edges.first()? >= edges.last()? {
         return None;
     }
-    let mut sums = vec![(0.0, 0.0); BINS];
+    let mut sums = [(0.0, 0.0); BINS];
     for row in (0..block.rows()).filter(|&row| block.present[row]) {
         let value = values.get(row).copied().filter(|value| value.is_finite());
         if let (Some(value), Some(e)) = (value, e.get(row)) {

@@ -401,7 +401,6 @@ fn propagated<const N: usize>(p: &Square<N>, phi: &Square<N>, driven: &Square<N>
 }
 
 /// Gain, whitening matrix and covariance after the measurement.
-#[expect(clippy::type_complexity)]
 fn update<const N: usize, const M: usize>(
     p: &Square<N>,
     h: &[[f64; N]; M],

@@ -349,11 +349,15 @@ fn faults_in_readings_are_named_and_do_not_breed() {
         values
     });
     assert_named("clipped", |_, mut values| {
-        values.iter_mut().for_each(|value| *value = value.clamp(-1.5, 1.5));
+        for value in &mut values {
+            *value = value.clamp(-1.5, 1.5);
+        }
         values
     });
     assert_named("coarse", |_, mut values| {
-        values.iter_mut().for_each(|value| *value = value.round());
+        for value in &mut values {
+            *value = value.round();
+        }
         values
     });
     assert_named("jumps", |seed, values| {
