@@ -3,8 +3,8 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::catalogue::{Candidate, Column, OnsetShape, Port, Search};
 use crate::least_squares::{Solution, solve};
-use crate::nominal::Model;
 use crate::noise::Noise;
+use crate::nominal::Model;
 use crate::whiten::Filter;
 
 /// A deterministic term: a candidate with its non-linear parameters at given values.
@@ -37,7 +37,11 @@ impl Term {
     /// The same term at other values of its non-linear parameters.
     #[must_use]
     pub fn at(&self, candidate: &Candidate, nonlinear: &[f64], time_s: &[f64]) -> Self {
-        if nonlinear.is_empty() { self.clone() } else { Self::new(self.candidate, candidate, nonlinear, time_s) }
+        if nonlinear.is_empty() {
+            self.clone()
+        } else {
+            Self::new(self.candidate, candidate, nonlinear, time_s)
+        }
     }
 
     /// Number of amplitudes that are estimated.
@@ -192,7 +196,8 @@ impl Sums {
         }
         let count = filter.count as f64;
         Self {
-            log_likelihood: -0.5 * (count * std::f64::consts::TAU.ln() + filter.log_variances + dot(data, data)),
+            log_likelihood: -0.5
+                * (count * std::f64::consts::TAU.ln() + filter.log_variances + dot(data, data)),
             normal,
             scores: DVector::from_fn(size, |i, _| dot(&whitened[i + 1], data)),
         }

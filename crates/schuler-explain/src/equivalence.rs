@@ -42,7 +42,12 @@ pub fn target_name(model: &Model, candidate: &Candidate) -> String {
 }
 
 /// All ways to describe what `item` describes that are within the class's distance of the best, best first.
-pub fn alternatives(case: &Case<'_>, state: &State, item: Item, family: &Family) -> (Vec<Alternative>, State) {
+pub fn alternatives(
+    case: &Case<'_>,
+    state: &State,
+    item: Item,
+    family: &Family,
+) -> (Vec<Alternative>, State) {
     let model = case.model;
     let blocks = match item {
         Item::Term(place) => blocks_of(model, std::slice::from_ref(&state.terms[place])),
@@ -90,7 +95,22 @@ pub fn alternatives(case: &Case<'_>, state: &State, item: Item, family: &Family)
     found.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
     let best = found.first().map_or(0.0, |best| best.evidence);
     found.retain(|alternative| alternative.evidence > best - CLASS_NATS);
+    prefer_instrument(case, &mut found);
     (found, less)
+}
+
+/// What one sensor shows and its whole instrument explains as well is of the instrument: a mounting, a clock.
+fn prefer_instrument(case: &Case<'_>, found: &mut [Alternative]) {
+    let Some(first) = found.first().map(|first| &case.candidates[first.candidate]) else { return };
+    let crate::catalogue::Target::Sensor(sensor) = first.target else { return };
+    let whole = found.iter().position(|other| {
+        let candidate = &case.candidates[other.candidate];
+        candidate.effect.id == first.effect.id
+            && matches!(&candidate.target, crate::catalogue::Target::Group { sensors, .. } if sensors.contains(&sensor))
+    });
+    if let Some(whole) = whole {
+        found[..=whole].rotate_right(1);
+    }
 }
 
 /// The class of the first of `alternatives` and its rivals.

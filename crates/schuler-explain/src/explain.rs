@@ -18,7 +18,7 @@ use crate::nominal::{FEWEST_ROWS, Model};
 use crate::readings::{Fault, faults};
 use crate::refit::parameters;
 use crate::search::Family;
-use crate::select::{Item, Selection, Shown, select};
+use crate::select::{Item, Selection, select};
 use crate::sentence::sentence;
 use crate::state::{Bench, Case, State, refitted};
 
@@ -122,15 +122,19 @@ fn explained<S>(
     }
     let unmasked = Model::new(recording, &[]).map_err(Error::NothingToCompare)?;
     let (faults, masked) = faults(recording, &unmasked);
-    let mut model =
-        if faults.is_empty() { unmasked } else { Model::new(recording, &masked).map_err(Error::NothingToCompare)? };
+    let mut model = if faults.is_empty() {
+        unmasked
+    } else {
+        Model::new(recording, &masked).map_err(Error::NothingToCompare)?
+    };
     account_for_lattices(&mut model, &faults);
-    candidates.retain(|candidate| acts(&model, candidate));
+    candidates.retain(|candidate| acts(&model, candidate) && !is_spoilt(candidate, &faults));
     let nuisances = estimate_unknown(&mut model);
     let noises = model.nominal_noises();
     for block in &model.blocks {
         if block.filter(&noises).is_none() {
-            let names: Vec<&str> = block.sources.iter().map(|&source| model.sources[source].name.as_str()).collect();
+            let names: Vec<&str> =
+                block.sources.iter().map(|&source| model.sources[source].name.as_str()).collect();
             return Err(Error::Singular {
                 sensor: names.join(", "),
                 what: "its variance must be positive and its parts not too many".to_owned(),
@@ -157,18 +161,30 @@ fn explained<S>(
         (false, false) => Verdict::Explained,
         (false, true) => Verdict::PartlyExplained,
     };
-    let fit = if options.hold_out { hold_out(&case, &selection.null, &selection.state) } else { Fit::default() };
+    let fit =
+        if options.hold_out { hold_out(&case, &selection.null, &selection.state) } else { Fit::default() };
     let mut notes = recording.warnings.clone();
     notes.extend(model.notes.iter().cloned());
     let shown = show(&case, &selection, &findings);
     Ok((Explanation { format: FORMAT, verdict, findings, fit, located, remainder, notes }, shown))
 }
 
+/// Whether a candidate is about the noise of an output that is clipped or coarse: what is left of it then is not what
+/// the sensor's noise was.
+fn is_spoilt(candidate: &Candidate, faults: &[Fault]) -> bool {
+    let spoils = |fault: &Fault| {
+        matches!(fault.fault, ReadingFault::Saturated | ReadingFault::Quantised)
+            && sensors_of(candidate).contains(&fault.sensor)
+    };
+    matches!(candidate.search, Search::Noise(_)) && faults.iter().any(spoils)
+}
+
 /// What is rounded to a lattice has the variance of the rounding.
 fn account_for_lattices(model: &mut Model, faults: &[Fault]) {
     for fault in faults.iter().filter(|fault| fault.fault == ReadingFault::Quantised) {
         let step = fault.parameters.first().map_or(0.0, |parameter| parameter.1);
-        for source in model.sources.iter_mut().filter(|s| s.sensor == fault.sensor && s.port == Port::Output) {
+        for source in model.sources.iter_mut().filter(|s| s.sensor == fault.sensor && s.port == Port::Output)
+        {
             source.nominal.rounding = step;
         }
     }
@@ -234,7 +250,8 @@ fn acts(model: &Model, candidate: &Candidate) -> bool {
         Search::Grid { parameters, .. } => parameters.iter().all(|parameter| !parameter.grid.is_empty()),
         _ => !candidate.amplitudes.is_empty(),
     };
-    let reached = sensors_of(candidate).iter().any(|&sensor| model.source_of(sensor, candidate.port).is_some());
+    let reached =
+        sensors_of(candidate).iter().any(|&sensor| model.source_of(sensor, candidate.port).is_some());
     let reached = reached || matches!(candidate.search, Search::Readings(_));
     let whole = match (&candidate.search, &candidate.target) {
         // What is searched at every time or frequency is of one sensor.
@@ -263,7 +280,8 @@ fn estimate_unknown(model: &mut Model) -> Vec<SourceKnob> {
         } else {
             *differences.select_nth_unstable_by(middle, f64::total_cmp).1
         };
-        let largest = block.data.iter().filter(|value| value.is_finite()).fold(0.0_f64, |a, b| a.max(b.abs()));
+        let largest =
+            block.data.iter().filter(|value| value.is_finite()).fold(0.0_f64, |a, b| a.max(b.abs()));
         // Median of |difference| of normal values: 0.6745 √2 σ.
         let white = (median / 0.954).max(1e-6 * largest).max(f64::MIN_POSITIVE.sqrt());
         model.sources[index].nominal.white = white;
@@ -284,7 +302,8 @@ fn findings<'c>(case: &'c Case<'c>, selection: &mut Selection<'c>) -> Vec<Findin
         let (ways, less) = alternatives(case, &selection.state, item, &selection.family);
         if let (Item::Term(place), Some(first)) = (item, ways.first())
             && let Some(term) = &first.term
-            && first.evidence > shown.evidence
+            && (first.evidence > shown.evidence
+                || whole_instrument(case, term, &selection.state.terms[place]))
         {
             selection.state.terms[place] = term.clone();
         }
@@ -321,7 +340,7 @@ fn findings<'c>(case: &'c Case<'c>, selection: &mut Selection<'c>) -> Vec<Findin
                 class,
                 interval_s,
                 parameters,
-                evidence: evidence_of(&selection.family, candidate, shown),
+                evidence: Evidence { gain_nats: shown.gain, p_value: shown.ln_p.exp() },
                 sentence,
                 noise_shift: noise_shift(case, &less, state),
                 rivals,
@@ -332,8 +351,11 @@ fn findings<'c>(case: &'c Case<'c>, selection: &mut Selection<'c>) -> Vec<Findin
     findings
 }
 
-fn evidence_of(_family: &Family, _candidate: &Candidate, shown: Shown) -> Evidence {
-    Evidence { gain_nats: shown.gain, p_value: shown.ln_p.exp() }
+/// Whether `term` is the same effect as `selected` on the whole instrument.
+fn whole_instrument(case: &Case<'_>, term: &Term, selected: &Term) -> bool {
+    let (whole, one) = (&case.candidates[term.candidate], &case.candidates[selected.candidate]);
+    whole.effect.id == one.effect.id
+        && matches!((&whole.target, &one.target), (Target::Group { .. }, Target::Sensor(_)))
 }
 
 fn candidate_of(state: &State, item: Item) -> usize {

@@ -7,9 +7,9 @@ use rayon::prelude::*;
 
 use crate::description::{Term, project};
 use crate::explanation::{BeforeAfter, Fit, Goodness};
-use crate::nominal::Model;
 use crate::noise::Noise;
 use crate::noise_fit::SourceKnob;
+use crate::nominal::Model;
 use crate::state::{Bench, Case, State, refitted};
 use crate::statistics::ljung_box;
 
@@ -37,7 +37,15 @@ fn parts(rows: usize, gap: usize) -> Vec<Part> {
         let last = ((1.0 - LAST_PART) * rows as f64) as usize;
         let gap = gap.min(rows / 20);
         return (0..rows)
-            .map(|row| if row >= last { Part::HeldOut } else if row + gap >= last { Part::Gap } else { Part::Train })
+            .map(|row| {
+                if row >= last {
+                    Part::HeldOut
+                } else if row + gap >= last {
+                    Part::Gap
+                } else {
+                    Part::Train
+                }
+            })
             .collect();
     }
     let length = rows.div_ceil(BLOCKS);
@@ -46,7 +54,13 @@ fn parts(rows: usize, gap: usize) -> Vec<Part> {
     (0..rows)
         .map(|row| {
             let near = held(row.saturating_sub(gap)) || held((row + gap).min(rows - 1));
-            if held(row) { Part::HeldOut } else if near { Part::Gap } else { Part::Train }
+            if held(row) {
+                Part::HeldOut
+            } else if near {
+                Part::Gap
+            } else {
+                Part::Train
+            }
         })
         .collect()
 }
@@ -205,7 +219,7 @@ impl Sums {
             nll_per_sample: self.nll / count,
             rmse: (self.errors / count).sqrt(),
             // The least of several, corrected for their number.
-            whiteness_p: 1.0 - (1.0 - least).powi(self.whiteness.len().max(1) as i32),
+            whiteness_p: 1.0 - (1.0 - least).powf(self.whiteness.len().max(1) as f64),
             nis_mean: self.squares / count,
         }
     }

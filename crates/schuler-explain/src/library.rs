@@ -73,6 +73,9 @@ struct Prepared {
     inverse: DMatrix<f64>,
 }
 
+/// Norms of a block's columns and the Cholesky root of their correlations.
+type Root = (DVector<f64>, Option<Cholesky<f64, Dyn>>);
+
 /// What an entry gains.
 #[derive(Clone, Copy, Debug)]
 pub struct Gain {
@@ -138,7 +141,17 @@ impl Library {
             .into_par_iter()
             .filter_map(|block| {
                 let whitened = whitened[block].as_ref()?;
-                BlockSums::new(model, filters, block, whitened, candidates, &entries, terms, first, correlations)
+                BlockSums::new(
+                    model,
+                    filters,
+                    block,
+                    whitened,
+                    candidates,
+                    &entries,
+                    terms,
+                    first,
+                    correlations,
+                )
             })
             .collect();
         let mut library = Self { entries, regressors, blocks, prepared: Vec::new() };
@@ -168,8 +181,7 @@ impl Library {
                     }
                 }
                 let solution = solve_seen(&normal, &DVector::zeros(columns.len()), SEEN_COMBINATION);
-                let rank =
-                    if entry.unit_amplitude { usize::from(normal.sum() > 0.0) } else { solution.rank };
+                let rank = if entry.unit_amplitude { usize::from(normal.sum() > 0.0) } else { solution.rank };
                 Prepared { projection, normal, rank, inverse: solution.covariance }
             })
             .collect();
@@ -225,7 +237,7 @@ impl Library {
     /// The distribution of the best candidate where nothing is hidden: whitened innovations are then independent
     /// standard normals, and the scores jointly normal with the columns' normal matrix.
     pub fn null_distribution(&self, candidates: usize) -> NullDistribution {
-        let roots: Vec<(DVector<f64>, Option<Cholesky<f64, Dyn>>)> = (self.blocks.par_iter())
+        let roots: Vec<Root> = (self.blocks.par_iter())
             .map(|block| {
                 let scale = block.normal.diagonal().map(|d| if d > 0.0 { d.sqrt() } else { 0.0 });
                 let size = scale.len();
@@ -357,9 +369,12 @@ impl BlockSums {
         }
         let scores = DVector::from_iterator(
             ids.len(),
-            whitened.iter().map(|column| column.iter().zip(data).map(|(a, b)| f64::from(*a) * b).sum::<f64>()),
+            whitened
+                .iter()
+                .map(|column| column.iter().zip(data).map(|(a, b)| f64::from(*a) * b).sum::<f64>()),
         );
-        let normal = normal_matrix(&whitened, |i, j| correlations || j < regressors || groups[i] == groups[j]);
+        let normal =
+            normal_matrix(&whitened, |i, j| correlations || j < regressors || groups[i] == groups[j]);
         Some(Self { place, scores, normal })
     }
 }
@@ -370,7 +385,11 @@ fn ln_number_of_mean(mean: f64) -> f64 {
     let (mut low, mut high) = (0.0_f64, 20.0_f64);
     for _ in 0..40 {
         let middle = 0.5 * (low + high);
-        if statrs::function::gamma::digamma(middle.exp() + 1.0) < target { low = middle } else { high = middle }
+        if statrs::function::gamma::digamma(middle.exp() + 1.0) < target {
+            low = middle;
+        } else {
+            high = middle;
+        }
     }
     low
 }

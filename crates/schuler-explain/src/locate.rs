@@ -66,14 +66,14 @@ pub fn left(case: &Case<'_>, state: &State, inputs: &Inputs<'_>) -> (bool, Optio
     results.sort_by(|a, b| a.p.total_cmp(&b.p));
     let Some(worst) = results.first() else { return (false, None) };
     let block = worst.block;
-    let words: Vec<&str> =
-        results.iter().filter(|result| result.block == block).take(3).map(|result| result.what.as_str()).collect();
-    let mut remainder = Remainder {
-        sensor: block_name(case, block),
-        what: words.join("; "),
-        on: None,
-        gain_nats: 0.0,
-    };
+    let words: Vec<&str> = results
+        .iter()
+        .filter(|result| result.block == block)
+        .take(3)
+        .map(|result| result.what.as_str())
+        .collect();
+    let mut remainder =
+        Remainder { sensor: block_name(case, block), what: words.join("; "), on: None, gain_nats: 0.0 };
     let conditions = inputs.conditions();
     let on = results.iter().find(|result| result.block == block && result.condition.is_some());
     if let Some(condition) = on.and_then(|result| result.condition).and_then(|index| conditions.get(index)) {
@@ -222,15 +222,18 @@ fn largest_sum(series: &[f64]) -> (f64, usize) {
 
 /// p-value of means in bins of equal number, with the least and the largest mean in standard deviations.
 fn conditional(block: &crate::nominal::Block, e: &[f64], values: &[f64]) -> Option<(f64, f64, f64)> {
-    let mut sorted: Vec<f64> =
-        (0..block.rows()).filter(|&row| block.present[row]).filter_map(|row| values.get(row).copied()).collect();
+    let mut sorted: Vec<f64> = (0..block.rows())
+        .filter(|&row| block.present[row])
+        .filter_map(|row| values.get(row).copied())
+        .collect();
     sorted.retain(|value| value.is_finite());
     sorted.sort_by(f64::total_cmp);
-    let edges: Vec<f64> = (1..BINS).filter_map(|bin| sorted.get(bin * sorted.len() / BINS).copied()).collect();
+    let edges: Vec<f64> =
+        (1..BINS).filter_map(|bin| sorted.get(bin * sorted.len() / BINS).copied()).collect();
     if edges.first()? >= edges.last()? {
         return None;
     }
-    let mut sums = vec![(0.0, 0.0); BINS];
+    let mut sums = [(0.0, 0.0); BINS];
     for row in (0..block.rows()).filter(|&row| block.present[row]) {
         let value = values.get(row).copied().filter(|value| value.is_finite());
         if let (Some(value), Some(e)) = (value, e.get(row)) {
@@ -265,7 +268,8 @@ fn spline(values: &[f64]) -> Vec<Vec<f64>> {
     let number = knots.len();
     let cube = |value: f64| value.max(0.0).powi(3);
     let basis = |x: f64| {
-        let d = |k: usize| (cube(x - knots[k]) - cube(x - knots[number - 1])) / (knots[number - 1] - knots[k]);
+        let d =
+            |k: usize| (cube(x - knots[k]) - cube(x - knots[number - 1])) / (knots[number - 1] - knots[k]);
         let mut row = vec![x];
         row.extend((0..number - 2).map(|k| d(k) - d(number - 2)));
         row

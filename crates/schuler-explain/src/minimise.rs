@@ -32,7 +32,8 @@ pub fn simplex(
     }
     let here = (start.to_vec(), cost(start));
     let Ok(solver) = NelderMead::new(corners).with_sd_tolerance(spread) else { return here };
-    let Ok(result) = Executor::new(Cost(&cost), solver).configure(|state| state.max_iters(iterations)).run() else {
+    let Ok(result) = Executor::new(Cost(&cost), solver).configure(|state| state.max_iters(iterations)).run()
+    else {
         return here;
     };
     match result.state.best_param {

@@ -159,7 +159,8 @@ impl Noise {
 
     /// Value of a parameter.
     pub fn get(&self, knob: Knob) -> f64 {
-        let markov = |index: usize| self.markov.get(index).copied().unwrap_or(Markov { sigma: 0.0, tau_s: 1.0 });
+        let markov =
+            |index: usize| self.markov.get(index).copied().unwrap_or(Markov { sigma: 0.0, tau_s: 1.0 });
         let none = ExponentialCosine { sigma: 0.0, alpha: 1.0, beta: 1.0 };
         let cosine = |index: usize| self.exp_cos.get(index).copied().unwrap_or(none);
         match knob {

@@ -164,7 +164,9 @@ impl View<'_> {
                 .collect::<Vec<_>>()
         };
         match change {
-            NoiseChange::White if origin.port != Port::Output => Vec::new(),
+            // A change of the white level has its own search; white noise and rounding are of an output alone.
+            NoiseChange::VarianceStep => Vec::new(),
+            NoiseChange::White | NoiseChange::AngleQuantisation if origin.port != Port::Output => Vec::new(),
             NoiseChange::White => single(Knob::White, 1),
             NoiseChange::RandomWalk => {
                 let mut starts = single(Knob::RandomWalk, 1);
@@ -175,7 +177,6 @@ impl View<'_> {
                 }
                 starts
             }
-            NoiseChange::AngleQuantisation if origin.port != Port::Output => Vec::new(),
             NoiseChange::AngleQuantisation => single(Knob::Angle, 1),
             NoiseChange::Flicker => {
                 let tau_s = [SHORTEST_STEPS * step_s, LONGEST_PART * length_s];
@@ -211,35 +212,44 @@ impl View<'_> {
                 }
                 starts
             }
-            NoiseChange::ExponentialCosine => {
-                let knobs = |part| vec![Knob::CosineSigma(part), Knob::CosineAlpha(part), Knob::CosineBeta(part)];
-                let mut starts: Vec<Start> = (0..own.exp_cos.len())
-                    .map(|part| Start {
-                        noises: self.noises.to_vec(),
+            NoiseChange::ExponentialCosine => self.cosine_starts(source, unit),
+        }
+    }
+
+    /// Parts that are there, set free, and further ones at the frequencies that stand out.
+    fn cosine_starts(&self, source: usize, unit: f64) -> Vec<Start> {
+        let own = &self.noises[source];
+        let step_s = self.block.step_s();
+        let with = |noise: ExponentialCosine| {
+            let mut noises = self.noises.to_vec();
+            noises[source].exp_cos.push(noise);
+            noises
+        };
+        let knobs = |part| vec![Knob::CosineSigma(part), Knob::CosineAlpha(part), Knob::CosineBeta(part)];
+        let mut starts: Vec<Start> = (0..own.exp_cos.len())
+            .map(|part| Start {
+                noises: self.noises.to_vec(),
+                knobs: knobs(part),
+                freedom: 3,
+                ln_places: 0.0,
+            })
+            .collect();
+        let part = own.exp_cos.len();
+        for omega in self.spectrum.peaks(PEAKS) {
+            let beta = omega / step_s;
+            for damping in [0.03, 0.2, 1.0] {
+                for level in LEVELS {
+                    let noise = ExponentialCosine { sigma: level * unit, alpha: damping * beta, beta };
+                    starts.push(Start {
+                        noises: with(noise),
                         knobs: knobs(part),
                         freedom: 3,
-                        ln_places: 0.0,
-                    })
-                    .collect();
-                let part = own.exp_cos.len();
-                for omega in self.spectrum.peaks(PEAKS) {
-                    let beta = omega / step_s;
-                    for damping in [0.03, 0.2, 1.0] {
-                        for level in LEVELS {
-                            let noise = ExponentialCosine { sigma: level * unit, alpha: damping * beta, beta };
-                            starts.push(Start {
-                                noises: with(&|own| own.exp_cos.push(noise)),
-                                knobs: knobs(part),
-                                freedom: 3,
-                                ln_places: LN_PLACES_COSINE,
-                            });
-                        }
-                    }
+                        ln_places: LN_PLACES_COSINE,
+                    });
                 }
-                starts
             }
-            NoiseChange::VarianceStep => Vec::new(),
         }
+        starts
     }
 
     /// A change of the white level, at the time found on the squares of the innovations.

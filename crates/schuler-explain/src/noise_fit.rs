@@ -4,8 +4,8 @@ use nalgebra::{DMatrix, DVector};
 use crate::description::{Projected, Sums};
 use crate::least_squares::solve;
 use crate::minimise::{IMPOSSIBLE, simplex};
-use crate::nominal::Block;
 use crate::noise::{Knob, Noise};
+use crate::nominal::Block;
 use crate::spectrum::Spectrum;
 
 /// Side of the first simplex, in logarithms.
@@ -74,7 +74,12 @@ pub fn exact(block: &Block, noises: &[Noise], projected: &Projected) -> f64 {
 }
 
 /// The maximum of Whittle's likelihood over `knobs` from the noises given; noises and log-likelihood.
-pub fn whittle(block: &Block, spectrum: &Spectrum, noises: &[Noise], knobs: &[SourceKnob]) -> (Vec<Noise>, f64) {
+pub fn whittle(
+    block: &Block,
+    spectrum: &Spectrum,
+    noises: &[Noise],
+    knobs: &[SourceKnob],
+) -> (Vec<Noise>, f64) {
     let start = logs_of(noises, knobs);
     let (step_s, rows) = (block.step_s(), block.rows());
     let cost = |logs: &[f64]| {
@@ -116,7 +121,8 @@ pub fn polish(
                 likelihood(&moved)
             };
             let (up, down) = (moved(STEP), moved(-STEP));
-            gradient[axis] = if up.is_finite() && down.is_finite() { (up - down) / (2.0 * STEP) } else { 0.0 };
+            gradient[axis] =
+                if up.is_finite() && down.is_finite() { (up - down) / (2.0 * STEP) } else { 0.0 };
             // The exact likelihood's own curvature along the axis, where it is larger.
             let own = (2.0 * here - up - down) / (STEP * STEP);
             if own.is_finite() && own > information[(axis, axis)] {
@@ -125,8 +131,7 @@ pub fn polish(
         }
         let eigen = information.symmetric_eigen();
         let inverse = eigen.eigenvalues.map(|value| value.max(LEAST_INFORMATION).recip());
-        let step =
-            &eigen.eigenvectors * inverse.component_mul(&(eigen.eigenvectors.transpose() * &gradient));
+        let step = &eigen.eigenvectors * inverse.component_mul(&(eigen.eigenvectors.transpose() * &gradient));
         if 0.5 * gradient.dot(&step) < PROMISE {
             break;
         }

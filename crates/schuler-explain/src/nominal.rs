@@ -150,7 +150,8 @@ impl Model {
     fn add_source(&mut self, recording: &Recording, index: usize) -> usize {
         let series = &recording.sensors[index];
         let nominal = Noise::nominal(&series.sensor.nominal, series.sensor.quantisation);
-        let unknown = series.sensor.nominal.white == 0.0 && nominal.markov.is_empty() && nominal.exp_cos.is_empty();
+        let unknown =
+            series.sensor.nominal.white == 0.0 && nominal.markov.is_empty() && nominal.exp_cos.is_empty();
         self.sources.push(Source {
             name: series.sensor.id.clone(),
             sensor: index,
@@ -176,7 +177,8 @@ impl Model {
             let scale = 1.0 + 1e-6 * sensor.nominal.scale_factor_ppm;
             let data: Vec<f64> = (series.values.iter().zip(&own).enumerate())
                 .map(|(row, (value, own))| {
-                    let hidden = masked.get(index).and_then(|rows| rows.get(row)).is_some_and(|&hidden| hidden);
+                    let hidden =
+                        masked.get(index).and_then(|rows| rows.get(row)).is_some_and(|&hidden| hidden);
                     if hidden { f64::NAN } else { value - scale * prediction.at(row) - own }
                 })
                 .collect();
@@ -229,7 +231,8 @@ impl Model {
                 let series = &recording.sensors[index];
                 let scale = 1.0 + 1e-6 * series.sensor.nominal.scale_factor_ppm;
                 for row in 0..rows {
-                    let hidden = masked.get(index).and_then(|rows| rows.get(row)).is_some_and(|&hidden| hidden);
+                    let hidden =
+                        masked.get(index).and_then(|rows| rows.get(row)).is_some_and(|&hidden| hidden);
                     let value = if hidden { f64::NAN } else { (series.values[row] - own[row]) / scale };
                     for channel in 0..parity.nrows() {
                         data[channel * rows + row] += parity[(channel, column)] * value;
@@ -250,7 +253,8 @@ impl Model {
             let own = own_part(recording, index);
             let data: Vec<f64> = (series.values.iter().zip(&own).enumerate())
                 .map(|(row, (value, own))| {
-                    let hidden = masked.get(index).and_then(|rows| rows.get(row)).is_some_and(|&hidden| hidden);
+                    let hidden =
+                        masked.get(index).and_then(|rows| rows.get(row)).is_some_and(|&hidden| hidden);
                     if hidden { f64::NAN } else { value - own }
                 })
                 .collect();
@@ -414,7 +418,9 @@ impl Block {
             }
             Geometry::Loop(step) => {
                 let (_, values) = column.parts.iter().find(reaches)?;
-                Some(step.of_port(port).map_or_else(|| values.clone(), |enters| step.response(values, enters)))
+                Some(
+                    step.of_port(port).map_or_else(|| values.clone(), |enters| step.response(values, enters)),
+                )
             }
         }
     }

@@ -23,6 +23,8 @@ use crate::statistics::ln_chi_squared_tail;
 const SHORTEST_RUN: usize = 20;
 /// Fewest readings at a limit.
 const FEWEST_CLIPPED: usize = 8;
+/// Fewest separate stays at a limit: one may be a stuck output.
+const FEWEST_STAYS: usize = 3;
 /// How many times as many readings as at the next value.
 const CLIPPED_RATIO: f64 = 4.0;
 /// Fewest different values of an output that may be clipped.
@@ -39,9 +41,9 @@ const FALSE_SPIKES: f64 = 1e-3;
 const NEIGHBOURS: usize = 3;
 /// Most spikes, as a part of the readings.
 const MOST_SPIKES: f64 = 0.02;
-/// Innovation, in standard deviations, of a switching.
+/// Difference of means, in their spreads, of a switching.
 const SWITCHING: f64 = 4.0;
-/// Readings on each side of a switching whose medians make its height.
+/// Readings on each side of a switching whose means make its height.
 const LEVEL_ROWS: usize = 8;
 /// Most switchings.
 const MOST_SWITCHINGS: usize = 400;
@@ -69,15 +71,17 @@ pub fn faults(recording: &Recording, model: &Model) -> (Vec<Fault>, Vec<Vec<bool
         let mut mask = vec![false; series.values.len()];
         let sensor = &series.sensor;
         let moves = sensor.nominal.white > 2.0 * sensor.quantisation;
-        found.extend(stuck(index, &series.values, moves, &mut mask));
+        // Clipped first: a stay at the limit is no stuck output.
         found.extend(clipped(index, &series.values, &mut mask));
-        let white = series.sensor.nominal.white;
-        found.extend(coarse(index, &series.values, series.sensor.quantisation, white));
+        found.extend(stuck(index, &series.values, moves, &mut mask));
+        found.extend(coarse(index, &series.values, sensor.quantisation, sensor.nominal.white));
         masked[index] = mask;
     }
-    for fault in spikes(model, &mut masked) {
-        found.push(fault);
+    let mut steps = vec![0.0; recording.sensors.len()];
+    for fault in found.iter().filter(|fault| fault.fault == ReadingFault::Quantised) {
+        steps[fault.sensor] = fault.parameters.first().map_or(0.0, |parameter| parameter.1);
     }
+    found.extend(spikes(model, &steps, &mut masked));
     (found, masked)
 }
 
@@ -88,7 +92,7 @@ fn stuck(sensor: usize, values: &[f64], moves: bool, mask: &mut [bool]) -> Optio
     let mut start = 0;
     let mut last: Option<(f64, usize)> = None;
     for (row, &value) in values.iter().enumerate() {
-        if !value.is_finite() {
+        if !value.is_finite() || mask[row] {
             continue;
         }
         if let Some((before, _)) = last {
@@ -171,6 +175,12 @@ fn clipped(sensor: usize, values: &[f64], mask: &mut [bool]) -> Option<Fault> {
     if evidence < 10.0 {
         return None;
     }
+    let present: Vec<bool> =
+        values.iter().filter(|value| value.is_finite()).map(|value| limits.contains(value)).collect();
+    let stays = present.windows(2).filter(|pair| !pair[0] && pair[1]).count();
+    if stays < FEWEST_STAYS {
+        return None;
+    }
     let mut rows = (values.len(), 0);
     for (row, value) in values.iter().enumerate() {
         if limits.contains(value) {
@@ -188,7 +198,7 @@ fn coarse(sensor: usize, values: &[f64], nominal: f64, white: f64) -> Option<Fau
     let present = levels.len();
     levels.sort_by(f64::total_cmp);
     levels.dedup();
-    if levels.len() < 3 || levels.len() * 4 > present {
+    if levels.len() < 3 {
         return None;
     }
     let span = levels.last()? - levels.first()?;
@@ -201,7 +211,8 @@ fn coarse(sensor: usize, values: &[f64], nominal: f64, white: f64) -> Option<Fau
     let largest = levels.first().map_or(0.0, |first| first.abs()).max(span);
     let tolerance = OFF_LATTICE + 1e-9 * largest / step;
     let steps = span / step;
-    if !step.is_finite() || steps > 1e5 || differences().any(|difference| off(difference) > tolerance * 10.0) {
+    if !step.is_finite() || steps > 1e5 || differences().any(|difference| off(difference) > tolerance * 10.0)
+    {
         return None;
     }
     (step > COARSER * nominal && step >= LEAST_STEP * white).then(|| Fault {
@@ -215,7 +226,7 @@ fn coarse(sensor: usize, values: &[f64], nominal: f64, white: f64) -> Option<Fau
 }
 
 /// Readings that stand off from their neighbours on both sides.
-fn spikes(model: &Model, masked: &mut [Vec<bool>]) -> Vec<Fault> {
+fn spikes(model: &Model, steps: &[f64], masked: &mut [Vec<bool>]) -> Vec<Fault> {
     let mut found = Vec::new();
     for block in &model.blocks {
         let rows = block.rows();
@@ -227,6 +238,13 @@ fn spikes(model: &Model, masked: &mut [Vec<bool>]) -> Vec<Fault> {
         if used.len() < 10 * NEIGHBOURS {
             continue;
         }
+        let floor = (block.sources.iter())
+            .map(|&source| {
+                let noise = &model.sources[source].nominal;
+                let step = steps.get(model.sources[source].sensor).copied().unwrap_or_default();
+                (noise.white_variance() + step * step / 4.0).sqrt()
+            })
+            .fold(f64::INFINITY, f64::min);
         // Standoff from the medians of both sides, 0 where they disagree.
         let mut standoffs = vec![vec![0.0; used.len()]; block.channels];
         for (channel, standoffs) in standoffs.iter_mut().enumerate() {
@@ -237,11 +255,13 @@ fn spikes(model: &Model, masked: &mut [Vec<bool>]) -> Vec<Fault> {
                 let after = median3([value(place + 1), value(place + 2), value(place + 3)]);
                 let (left, right) = (value(place) - before, value(place) - after);
                 spread.push(left.abs());
-                standoffs[place] = if left * right > 0.0 { left.abs().min(right.abs()) * left.signum() } else { 0.0 };
+                standoffs[place] =
+                    if left * right > 0.0 { left.abs().min(right.abs()) * left.signum() } else { 0.0 };
             }
             let middle = spread.len() / 2;
             let median = *spread.select_nth_unstable_by(middle, f64::total_cmp).1;
-            let scale = 1.4826 * median;
+            // Readings that seldom move have no spread of their own.
+            let scale = (1.4826 * median).max(floor);
             for standoff in standoffs.iter_mut() {
                 *standoff = if scale > 0.0 { *standoff / scale } else { 0.0 };
             }
@@ -312,24 +332,33 @@ fn jump(bench: &Bench<'_>, index: usize, candidate: &Candidate) -> Option<Propos
     let rows = block.rows();
     let used: Vec<usize> = (0..rows).filter(|&row| block.present[row]).collect();
     let value = |at: usize| whitened.projected.data[used[at]];
-    // Switchings: large innovations, with the difference of the medians on both sides as height.
+    // Switchings: where the means of the rows behind and before differ by many of the spreads of such differences.
+    let mut sums = vec![0.0; used.len() + 1];
+    for at in 0..used.len() {
+        sums[at + 1] = sums[at] + value(at);
+    }
+    let difference =
+        |at: usize| (sums[at + LEVEL_ROWS] - 2.0 * sums[at] + sums[at - LEVEL_ROWS]) / LEVEL_ROWS as f64;
+    let range = LEVEL_ROWS..used.len().saturating_sub(LEVEL_ROWS);
+    let mut sizes: Vec<f64> = range.clone().map(|at| difference(at).abs()).collect();
+    if sizes.is_empty() {
+        return None;
+    }
+    let middle = sizes.len() / 2;
+    let spread = 1.4826 * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
     let mut switchings: Vec<(usize, f64)> = Vec::new();
-    for at in LEVEL_ROWS..used.len().saturating_sub(LEVEL_ROWS) {
-        if whitened.remainder[used[at]].abs() < SWITCHING {
+    for at in range {
+        let height = difference(at);
+        if height.abs() < SWITCHING * spread {
             continue;
         }
-        let mut before: Vec<f64> = (at - LEVEL_ROWS..at).map(value).collect();
-        let mut after: Vec<f64> = (at..at + LEVEL_ROWS).map(value).collect();
-        let middle = LEVEL_ROWS / 2;
-        let low = *before.select_nth_unstable_by(middle, f64::total_cmp).1;
-        let high = *after.select_nth_unstable_by(middle, f64::total_cmp).1;
         match switchings.last_mut() {
-            Some(last) if used[at] - last.0 < LEVEL_ROWS => {
-                if (high - low).abs() > last.1.abs() {
-                    *last = (used[at], high - low);
+            Some(last) if used[at] - last.0 < LEVEL_ROWS && height * last.1 > 0.0 => {
+                if height.abs() > last.1.abs() {
+                    *last = (used[at], height);
                 }
             }
-            _ => switchings.push((used[at], high - low)),
+            _ => switchings.push((used[at], height)),
         }
         if switchings.len() > MOST_SWITCHINGS {
             return None;

@@ -28,8 +28,13 @@ const LOG_STEP: f64 = 0.03;
 pub fn of_term(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter> {
     let term = &state.terms[place];
     let candidate = &case.candidates[term.candidate];
-    let others: Vec<Term> =
-        state.terms.iter().enumerate().filter(|(index, _)| *index != place).map(|(_, term)| term.clone()).collect();
+    let others: Vec<Term> = state
+        .terms
+        .iter()
+        .enumerate()
+        .filter(|(index, _)| *index != place)
+        .map(|(_, term)| term.clone())
+        .collect();
     let bench = Bench::new(case, &others, &state.noises);
     let at = |point: &[f64]| term.at(candidate, point, case.time_s);
     let profile = |point: &[f64]| bench.with_term(&at(point));
@@ -68,7 +73,9 @@ pub fn of_term(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter> {
             }
         }
         of_nonlinear = DMatrix::from_fn(size, size, |i, j| unit[(i, j)] * widths[i] * widths[j]);
-        if number > 0 && smooth {
+        // A drift over the whole record has its onset where the record begins, not somewhere about it.
+        let whole = matches!(candidate.search, Search::Onset(OnsetShape::Ramp)) && term.nonlinear[0] == 0.0;
+        if number > 0 && smooth && !whole {
             let mut jacobian = DMatrix::zeros(number, size);
             for axis in 0..size {
                 let mut by = vec![0.0; size];
@@ -185,7 +192,8 @@ pub fn of_change(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter>
     let change = &state.changes[place];
     let source = &case.model.sources[change.source];
     let candidate = &case.candidates[change.candidate];
-    let Some(index) = case.model.blocks.iter().position(|block| block.sources.contains(&change.source)) else {
+    let Some(index) = case.model.blocks.iter().position(|block| block.sources.contains(&change.source))
+    else {
         return Vec::new();
     };
     let free = state.free_in(case.model, index);
@@ -199,7 +207,8 @@ pub fn of_change(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter>
         let information = curvature(&logs, LOG_STEP, cost);
         let eigen = information.symmetric_eigen();
         let inverse = eigen.eigenvalues.map(|value| value.max(0.1).recip());
-        let covariance = &eigen.eigenvectors * DMatrix::from_diagonal(&inverse) * eigen.eigenvectors.transpose();
+        let covariance =
+            &eigen.eigenvectors * DMatrix::from_diagonal(&inverse) * eigen.eigenvectors.transpose();
         DVector::from_fn(free.len(), |i, _| covariance[(i, i)].max(0.0).sqrt())
     });
     let in_si = source.unit.in_si();

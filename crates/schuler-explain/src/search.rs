@@ -6,7 +6,7 @@
 //! probabilities count all candidates of all sensors; each family of candidates has a share of the level.
 use rayon::prelude::*;
 
-use crate::catalogue::{Candidate, NoiseChange, Search, Target};
+use crate::catalogue::{Candidate, NoiseChange, OnsetShape, Search, Target};
 use crate::description::Term;
 use crate::library::{Library, NullDistribution};
 use crate::minimise::{golden, simplex};
@@ -18,10 +18,10 @@ use crate::state::{Bench, State};
 use crate::statistics::ln_chi_squared_tail;
 
 /// Shares of the level: linear and grid candidates, onsets, frequencies, noise, readings.
-const SHARE_LINEAR: f64 = 0.7;
-const SHARE_ONSET: f64 = 0.15;
+const SHARE_LINEAR: f64 = 0.6;
+const SHARE_ONSET: f64 = 0.2;
 const SHARE_FREQUENCY: f64 = 0.05;
-const SHARE_NOISE: f64 = 0.05;
+const SHARE_NOISE: f64 = 0.1;
 const SHARE_READINGS: f64 = 0.05;
 /// Deterministic candidates that are evaluated exactly.
 const SHORT_LIST: usize = 8;
@@ -77,7 +77,8 @@ pub fn evidence(gain: f64, freedom: usize, ln_places: f64) -> f64 {
 impl Family {
     /// Counts candidates and draws the null distribution of those that stand in `library`.
     pub fn new(candidates: &[Candidate], library: &Library) -> Self {
-        let count = |wanted: fn(&Search) -> bool| candidates.iter().filter(|c| wanted(&c.search)).count().max(1);
+        let count =
+            |wanted: fn(&Search) -> bool| candidates.iter().filter(|c| wanted(&c.search)).count().max(1);
         Self {
             null: library.null_distribution(candidates.len()),
             onsets: count(|search| matches!(search, Search::Onset(_))),
@@ -132,6 +133,9 @@ pub fn deterministic(
         promises.par_iter().filter_map(|promise| bench.refine(promise, REFINED)).collect();
     proposals.extend(crate::readings::jumps(bench, wanted));
     proposals.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+    // A candidate with several promises stands by its best.
+    let mut seen = std::collections::HashSet::new();
+    proposals.retain(|proposal| seen.insert(proposal.term.candidate));
     proposals
 }
 
@@ -164,7 +168,8 @@ fn promises_of_scans(bench: &Bench<'_>, wanted: &(dyn Fn(usize) -> bool + Sync))
         .into_par_iter()
         .flat_map_iter(|index| {
             let mut promises = Vec::new();
-            let (Some(whitened), Some(filter)) = (&bench.blocks[index], &bench.filters.of_block[index]) else {
+            let (Some(whitened), Some(filter)) = (&bench.blocks[index], &bench.filters.of_block[index])
+            else {
                 return promises;
             };
             let scanner = Scanner::new(
@@ -183,8 +188,20 @@ fn promises_of_scans(bench: &Bench<'_>, wanted: &(dyn Fn(usize) -> bool + Sync))
                     Search::Frequency => scanner.frequencies(sensor, candidate.port, &bench.noises),
                     _ => None,
                 };
-                let Some(Scan { peaks, ln_places }) = scan else { continue };
+                let Some(Scan { peaks, mut ln_places }) = scan else { continue };
                 let freedom = candidate.amplitudes.len().max(1);
+                if matches!(candidate.search, Search::Onset(OnsetShape::Ramp)) {
+                    // A drift over the whole record is one place of its own; it pays for itself and not for the scan.
+                    ln_places += std::f64::consts::LN_2;
+                    let term = Term::new(place, candidate, &[0.0], bench.case.time_s);
+                    let gain = bench.gain_of(&term).0;
+                    promises.push(Promise {
+                        candidate: place,
+                        starts: vec![vec![0.0]],
+                        evidence: evidence(gain, freedom, std::f64::consts::LN_2),
+                        ln_places: std::f64::consts::LN_2,
+                    });
+                }
                 let gain = peaks.first().map_or(0.0, |peak| peak.gain);
                 promises.push(Promise {
                     candidate: place,
@@ -207,10 +224,8 @@ impl Bench<'_> {
             evidence: 0.0,
             ln_places: 0.0,
         };
-        self.refine(&promise, FINELY_REFINED).map_or_else(
-            || (term.clone(), 0.0),
-            |proposal| (proposal.term, proposal.gain),
-        )
+        self.refine(&promise, FINELY_REFINED)
+            .map_or_else(|| (term.clone(), 0.0), |proposal| (proposal.term, proposal.gain))
     }
 
     /// Evaluates a promise exactly and refines its parameters.
@@ -232,7 +247,7 @@ impl Bench<'_> {
                     let half = 0.6 / length_s;
                     refine_inside(start, &[(start[0] - half, start[0] + half)], gain_at, refined)
                 }
-                Search::Onset(crate::catalogue::OnsetShape::Ramp) => {
+                Search::Onset(OnsetShape::Ramp) if start.first().is_some_and(|&onset| onset > 0.0) => {
                     let length_s = self.case.time_s.last().copied().unwrap_or(1.0);
                     let half = ONSET_WIDTH * length_s;
                     let range = ((start[0] - half).max(0.0), (start[0] + half).min(0.99 * length_s));
@@ -254,7 +269,8 @@ impl Bench<'_> {
     /// What a change of the noise of each source would gain, best first.
     pub fn noise_changes(&self, state: &State) -> Vec<(usize, ChangeFit)> {
         let model = self.case.model;
-        let spectra: Vec<_> = (0..model.blocks.len()).into_par_iter().map(|index| self.spectrum(index)).collect();
+        let spectra: Vec<_> =
+            (0..model.blocks.len()).into_par_iter().map(|index| self.spectrum(index)).collect();
         let mut found: Vec<(usize, ChangeFit)> = (self.case.candidates.par_iter().enumerate())
             .filter_map(|(place, candidate)| {
                 let Search::Noise(change) = candidate.search else { return None };
@@ -262,7 +278,10 @@ impl Bench<'_> {
                 let source = model.source_of(sensor, candidate.port)?;
                 // The noise of a source of which the user says nothing is no finding.
                 if model.sources[source].unknown
-                    || state.changes.iter().any(|accepted| accepted.source == source && accepted.change == change)
+                    || state
+                        .changes
+                        .iter()
+                        .any(|accepted| accepted.source == source && accepted.change == change)
                 {
                     return None;
                 }
@@ -329,7 +348,8 @@ pub fn refine_inside(
             (vec![back(range, value)], -cost)
         }
         _ => {
-            let from: Vec<f64> = ranges.iter().zip(start).map(|(range, &value)| forward(range, value)).collect();
+            let from: Vec<f64> =
+                ranges.iter().zip(start).map(|(range, &value)| forward(range, value)).collect();
             let sides: Vec<f64> = (ranges.iter())
                 .map(|range| 0.25 * (forward(range, range.1) - forward(range, range.0)))
                 .collect();

@@ -111,7 +111,9 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
         judge_beside_free_noise(case, &state, &bench, &mut proposals);
         proposals.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         let noises = bench.noise_changes(&state);
-        let Some(chosen) = choose(case, &state, &bench, &family, &proposals, &noises, ln_level) else { break };
+        let Some(chosen) = choose(case, &state, &bench, &family, &proposals, &noises, ln_level) else {
+            break;
+        };
         let (mut next, mut next_prices) = (state.clone(), prices.clone());
         match chosen {
             Move::Term(proposal) => add_term(&mut next, &mut next_prices, *proposal),
@@ -165,10 +167,14 @@ fn unknown_structure(case: &Case<'_>, mut state: State) -> State {
         state = fitted;
         let mut added = false;
         for (source, origin) in case.model.sources.iter().enumerate().filter(|(_, origin)| origin.unknown) {
-            let best = changes.iter().filter_map(|&change| bench.fit_change(source, origin, change)).max_by(|a, b| {
-                let score = |fit: &ChangeFit| fit.gain - 0.5 * fit.knobs.len() as f64 * (case.model.rows as f64).ln();
-                score(a).total_cmp(&score(b))
-            });
+            let best = changes.iter().filter_map(|&change| bench.fit_change(source, origin, change)).max_by(
+                |a, b| {
+                    let score = |fit: &ChangeFit| {
+                        fit.gain - 0.5 * fit.knobs.len() as f64 * (case.model.rows as f64).ln()
+                    };
+                    score(a).total_cmp(&score(b))
+                },
+            );
             if let Some(fit) = best
                 && fit.gain > 0.5 * fit.knobs.len() as f64 * (case.model.rows as f64).ln()
             {
@@ -222,10 +228,11 @@ fn same(a: &State, b: &State) -> bool {
 
 /// The blocks whose description differs.
 fn changed_blocks(model: &Model, a: &State, b: &State) -> Vec<usize> {
-    let differing: Vec<Term> = (a.terms.iter().filter(|term| b.terms.iter().all(|t| t.candidate != term.candidate)))
-        .chain(b.terms.iter().filter(|term| a.terms.iter().all(|t| t.candidate != term.candidate)))
-        .cloned()
-        .collect();
+    let differing: Vec<Term> =
+        (a.terms.iter().filter(|term| b.terms.iter().all(|t| t.candidate != term.candidate)))
+            .chain(b.terms.iter().filter(|term| a.terms.iter().all(|t| t.candidate != term.candidate)))
+            .cloned()
+            .collect();
     let mut blocks = blocks_of(model, &differing);
     for (index, block) in model.blocks.iter().enumerate() {
         if block.sources.iter().any(|&source| a.noises[source] != b.noises[source]) {
@@ -256,7 +263,8 @@ fn choose(
     noises: &[(usize, ChangeFit)],
     ln_level: f64,
 ) -> Option<Move> {
-    let ln_p_of = |proposal: &Proposal, evidence| family.ln_p(&case.candidates[proposal.term.candidate], evidence);
+    let ln_p_of =
+        |proposal: &Proposal, evidence| family.ln_p(&case.candidates[proposal.term.candidate], evidence);
     let mut best: Option<(f64, Move)> = None;
     let mut consider = |score: f64, way: Move| {
         if best.as_ref().is_none_or(|best| score > best.0) {
@@ -298,8 +306,7 @@ fn choose(
             let of_term = both.log_likelihood - noisy.log_likelihood;
             let of_noise = joint - alone;
             let term_evidence = evidence(of_term, proposal.freedom, proposal.ln_places);
-            let noise_evidence =
-                (-ln_chi_squared_tail(2.0 * of_noise, fit.freedom) - fit.ln_places).max(0.0);
+            let noise_evidence = (-ln_chi_squared_tail(2.0 * of_noise, fit.freedom) - fit.ln_places).max(0.0);
             let significant = ln_p_of(proposal, term_evidence) <= ln_level
                 && family.ln_p(&case.candidates[*candidate], noise_evidence) <= ln_level;
             if significant {

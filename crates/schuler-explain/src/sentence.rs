@@ -18,12 +18,14 @@ pub fn sentence(
     };
     let text = candidate.effect.sentence;
     // The catalogue's sentence may name the sensor itself.
-    let said = if text.contains("{sensor}") { text.replace("{sensor}", sensor) } else { format!("{sensor} {text}") };
+    let said =
+        if text.contains("{sensor}") { text.replace("{sensor}", sensor) } else { format!("{sensor} {text}") };
     let numbers: Vec<String> = parameters
         .iter()
         .filter(|parameter| parameter.name != "onset_s")
         .map(|parameter| {
-            let label = if parameter.name == "coefficient" { String::new() } else { format!("{} ", parameter.name) };
+            let label =
+                if parameter.name == "coefficient" { String::new() } else { format!("{} ", parameter.name) };
             match (parameter.value, &parameter.text) {
                 (Some(value), _) => {
                     let unit = parameter.unit.as_deref().unwrap_or_default();
@@ -34,7 +36,11 @@ pub fn sentence(
             }
         })
         .collect();
-    if numbers.is_empty() { format!("{since}{said}.") } else { format!("{since}{said}: {}.", numbers.join(", ")) }
+    if numbers.is_empty() {
+        format!("{since}{said}.")
+    } else {
+        format!("{since}{said}: {}.", numbers.join(", "))
+    }
 }
 
 /// A value with its standard deviation, to the digits that the latter leaves.

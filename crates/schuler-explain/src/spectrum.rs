@@ -6,8 +6,8 @@
 use nalgebra::{Complex, DMatrix, DVector};
 use realfft::RealFftPlanner;
 
-use crate::nominal::Block;
 use crate::noise::Noise;
+use crate::nominal::Block;
 use crate::whiten::{Filter, Space};
 
 /// Width of a band as a part of its frequency.
@@ -80,7 +80,9 @@ impl Spectrum {
         for band in &self.bands {
             if block.channels == 1 {
                 let model: f64 = (block.sources.iter().zip(&band.transfer))
-                    .map(|(&source, transfer)| transfer[0].norm_sqr() * noises[source].spectrum(band.omega, step_s))
+                    .map(|(&source, transfer)| {
+                        transfer[0].norm_sqr() * noises[source].spectrum(band.omega, step_s)
+                    })
                     .sum();
                 sum -= band.weight * (model.ln() + band.estimate[(0, 0)].re / model);
             } else if block.channels == 2 {
@@ -98,7 +100,8 @@ impl Spectrum {
             } else {
                 let model = self.model(block, band, noises);
                 let Some(cholesky) = model.cholesky() else { return f64::NEG_INFINITY };
-                let log_determinant: f64 = cholesky.l_dirty().diagonal().iter().map(|d| 2.0 * d.re.ln()).sum();
+                let log_determinant: f64 =
+                    cholesky.l_dirty().diagonal().iter().map(|d| 2.0 * d.re.ln()).sum();
                 sum -= band.weight * (log_determinant + cholesky.solve(&band.estimate).trace().re);
             }
         }

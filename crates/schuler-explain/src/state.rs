@@ -55,7 +55,8 @@ pub struct State {
 impl State {
     /// The free noise parameters of the sources of a block.
     pub fn free_in(&self, model: &Model, block: usize) -> Vec<SourceKnob> {
-        let changed = self.changes.iter().flat_map(|change| change.knobs.iter().map(|&knob| (change.source, knob)));
+        let changed =
+            self.changes.iter().flat_map(|change| change.knobs.iter().map(|&knob| (change.source, knob)));
         let mut free: Vec<SourceKnob> = changed.chain(self.nuisances.iter().copied()).collect();
         free.retain(|(source, _)| model.blocks[block].sources.contains(source));
         free.sort_by_key(|(source, knob)| (*source, format!("{knob:?}")));
@@ -178,7 +179,11 @@ impl<'c> Bench<'c> {
         let normal = if ports_differ { self.crossed(&a, &b) } else { self.with(&both).0 };
         let own = normal.view((before, before), (n + m, n + m)).into_owned();
         let cross = normal.view((before, 0), (n + m, before)).into_owned();
-        let inside = if before > 0 { &cross * &self.solution.covariance * cross.transpose() } else { own.clone() * 0.0 };
+        let inside = if before > 0 {
+            &cross * &self.solution.covariance * cross.transpose()
+        } else {
+            own.clone() * 0.0
+        };
         let left = own - inside;
         let half = |start: usize, size: usize| {
             let part = left.view((start, start), (size, size)).into_owned();
@@ -202,10 +207,12 @@ impl<'c> Bench<'c> {
         let size = before + n + m;
         let mut normal = DMatrix::zeros(size, size);
         normal.view_mut((0, 0), (before, before)).copy_from(&self.normal);
-        let (Some(Some(block)), Some(Some(filter))) = (self.blocks.first(), self.filters.of_block.first()) else {
+        let (Some(Some(block)), Some(Some(filter))) = (self.blocks.first(), self.filters.of_block.first())
+        else {
             return normal;
         };
-        let columns = a.columns.iter().map(|column| (column, a.port)).chain(b.columns.iter().map(|c| (c, b.port)));
+        let columns =
+            a.columns.iter().map(|column| (column, a.port)).chain(b.columns.iter().map(|c| (c, b.port)));
         let parts: Vec<Vec<f64>> = columns
             .map(|(column, port)| self.case.model.blocks[0].project(column, port).unwrap_or_default())
             .collect();

@@ -112,9 +112,8 @@ pub fn ln_smooth_scan_tail(u: f64, correlations: impl Iterator<Item = f64>) -> f
         return 0.0;
     }
     // Each arc adds (4/u) φ(u) [Φ(uθ/2) − ½], in units of 2φ(u)/u.
-    let arcs: f64 = correlations
-        .map(|rho| 2.0 * (normal_cdf(0.5 * u * rho.clamp(-1.0, 1.0).abs().acos()) - 0.5))
-        .sum();
+    let arcs: f64 =
+        correlations.map(|rho| 2.0 * (normal_cdf(0.5 * u * rho.clamp(-1.0, 1.0).abs().acos()) - 0.5)).sum();
     ln_scaled(u, 1.0 + arcs)
 }
 
@@ -161,7 +160,8 @@ pub fn ljung_box(innovations: &[f64], lags: usize) -> f64 {
         return 1.0;
     }
     // A lag over a hole has fewer pairs; each pair counts with weight one.
-    let statistic: f64 = covariance.iter().skip(1).map(|c| (c / variance).powi(2)).sum::<f64>() * (count + 2.0);
+    let statistic: f64 =
+        covariance.iter().skip(1).map(|c| (c / variance).powi(2)).sum::<f64>() * (count + 2.0);
     chi_squared_tail(statistic, lags)
 }
 
@@ -176,7 +176,8 @@ mod tests {
         assert!((chi_squared_tail(16.2662, 3) - 1e-3).abs() < 1e-7);
         for freedom in [1, 2, 3, 7] {
             let (a, edge) = (0.5 * freedom as f64, 2.0 * (0.5 * freedom as f64 + FAR));
-            let (below, above) = (ln_chi_squared_tail(edge - 1e-9, freedom), ln_chi_squared_tail(edge + 1e-9, freedom));
+            let (below, above) =
+                (ln_chi_squared_tail(edge - 1e-9, freedom), ln_chi_squared_tail(edge + 1e-9, freedom));
             assert!((below - above).abs() < 1e-6, "{freedom} {a}: {below} {above}");
         }
         // χ²_2 is exponential.
@@ -191,6 +192,8 @@ mod tests {
         assert!((all / (100.0 * two_sided(u)) - 1.0).abs() < 0.1, "{all}");
         let all = ln_smooth_scan_tail(u, std::iter::repeat_n(0.0, 99)).exp();
         assert!((all / (100.0 * two_sided(u)) - 1.0).abs() < 0.05, "{all}");
-        assert!((ln_rough_scan_tail(u, std::iter::repeat_n(1.0, 99)).exp() / two_sided(u) - 1.0).abs() < 1e-9);
+        assert!(
+            (ln_rough_scan_tail(u, std::iter::repeat_n(1.0, 99)).exp() / two_sided(u) - 1.0).abs() < 1e-9
+        );
     }
 }

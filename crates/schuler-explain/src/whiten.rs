@@ -107,7 +107,8 @@ impl Filter {
     /// Whitened innovations of each column; 0 in rows that are missing.
     pub fn whiten(&self, columns: &[&[f64]]) -> Vec<Vec<f64>> {
         let mut whitened = vec![vec![0.0; self.channels * self.rows()]; columns.len()];
-        let (alone, together) = if columns.len() % FEW == 1 { columns.split_at(1) } else { columns.split_at(0) };
+        let (alone, together) =
+            if columns.len() % FEW == 1 { columns.split_at(1) } else { columns.split_at(0) };
         let (alone_whitened, together_whitened) = whitened.split_at_mut(alone.len());
         sized!(self.padded, run[f64, 1](self, alone, alone_whitened));
         for (columns, whitened) in together.chunks(FEW).zip(together_whitened.chunks_mut(FEW)) {
@@ -148,7 +149,8 @@ impl Filter {
                     scores[c * rows + row] = innovation[c];
                 }
                 for i in 0..self.states {
-                    costate[i] -= (0..self.channels).map(|c| self.seen[c * n + i] * innovation[c]).sum::<f64>();
+                    costate[i] -=
+                        (0..self.channels).map(|c| self.seen[c * n + i] * innovation[c]).sum::<f64>();
                 }
             }
             if row % FLUSH_ROWS == 0 {
@@ -176,7 +178,8 @@ impl Filter {
         let at = |index: usize| gain.get(index).copied().unwrap_or_default();
         let (states, channels) = (self.states, self.channels);
         let k = (0..states * channels).map(|flat| at(flat / channels * m + flat % channels)).collect();
-        let w = (0..channels * channels).map(|flat| at(n * m + flat / channels * m + flat % channels)).collect();
+        let w =
+            (0..channels * channels).map(|flat| at(n * m + flat / channels * m + flat % channels)).collect();
         (k, w)
     }
 
@@ -398,7 +401,6 @@ fn propagated<const N: usize>(p: &Square<N>, phi: &Square<N>, driven: &Square<N>
 }
 
 /// Gain, whitening matrix and covariance after the measurement.
-#[expect(clippy::type_complexity)]
 fn update<const N: usize, const M: usize>(
     p: &Square<N>,
     h: &[[f64; N]; M],
@@ -461,8 +463,8 @@ fn update<const N: usize, const M: usize>(
 mod tests {
     use nalgebra::{DMatrix, DVector};
     use rand::RngExt;
-    use rand_pcg::Pcg64;
     use rand::SeedableRng;
+    use rand_pcg::Pcg64;
 
     use super::*;
 
@@ -527,7 +529,8 @@ mod tests {
         let filter = Filter::new(&space, &present).unwrap();
         let columns: Vec<Vec<f64>> = (0..3)
             .map(|_| {
-                let value = |flat: usize| if present[flat % rows] { random.random::<f64>() - 0.5 } else { f64::NAN };
+                let value =
+                    |flat: usize| if present[flat % rows] { random.random::<f64>() - 0.5 } else { f64::NAN };
                 (0..2 * rows).map(value).collect()
             })
             .collect();
@@ -535,7 +538,8 @@ mod tests {
         let whitened = filter.whiten(&views);
         let covariance = dense(&space, &present);
         let stacked = |column: &[f64]| {
-            let used = (0..rows).filter(|&row| present[row]).flat_map(|row| [column[row], column[rows + row]]);
+            let used =
+                (0..rows).filter(|&row| present[row]).flat_map(|row| [column[row], column[rows + row]]);
             DVector::from_iterator(filter.count, used)
         };
         let cholesky = covariance.clone().cholesky().unwrap();

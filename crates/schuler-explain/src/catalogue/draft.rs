@@ -128,6 +128,35 @@ impl Draft {
         Self::new(Search::Linear(Signature { columns: vec![at(place, values)] }), vec![amplitude])
     }
 
+    /// Another reference than the one taken adds a multiple of what multiplies the quantity, `factor`: where the
+    /// reference is not known, that multiple is an amplitude of its own, so that it is not taken for another effect.
+    pub(super) fn with_free_reference(mut self, place: &Place, factor: Vec<f64>) -> Self {
+        let shift = at(place, factor);
+        self.search = match self.search {
+            Search::Linear(mut signature) => {
+                signature.columns.push(shift);
+                Search::Linear(signature)
+            }
+            Search::Grid { parameters, signature, unit_amplitude } => Search::Grid {
+                parameters,
+                signature: Box::new(move |point| {
+                    let mut at_point = signature(point);
+                    at_point.columns.push(shift.clone());
+                    at_point
+                }),
+                unit_amplitude,
+            },
+            other => other,
+        };
+        if let Some(first) = self.amplitudes.first() {
+            let per = first.unit.rfind("/(").or_else(|| first.unit.rfind('/'));
+            let unit = first.unit[..per.unwrap_or(first.unit.len())].to_owned();
+            let at_mean = Amplitude { name: "at_mean".to_owned(), unit, plausible: None, ..first.clone() };
+            self.amplitudes.push(at_mean);
+        }
+        self
+    }
+
     /// Several columns at one place.
     pub(super) fn columns(place: &Place, columns: Vec<(Vec<f64>, Amplitude)>) -> Self {
         let (columns, amplitudes) =

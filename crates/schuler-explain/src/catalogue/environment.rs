@@ -157,13 +157,15 @@ pub(super) const BIAS_ON_AUX: Effect = Effect {
                 amplitude.unit = per(place, &unit);
                 let middle = mean(&values);
                 let at_once = map(&values, |value| value - middle);
-                drafts.push(Draft::linear(place, at_once, amplitude.clone()).with("column", &column));
+                let constant = vec![1.0; inputs.rows()];
+                let at_once = Draft::linear(place, at_once, amplitude.clone());
+                drafts.push(at_once.with_free_reference(place, constant.clone()).with("column", &column));
                 if let Some(tau) = lag.clone() {
                     let time_s = inputs.time_s.clone();
                     let late = Draft::grid(place, tau, amplitude, move |tau| {
                         map(&lagged(&time_s, &values, tau), |value| value - middle)
                     });
-                    drafts.push(late.with("column", &column));
+                    drafts.push(late.with_free_reference(place, constant).with("column", &column));
                 }
             }
             drafts
@@ -222,7 +224,10 @@ fn of_quantity(
 fn centred(place: &Place, auxiliary: &AuxiliaryInput, amplitude: Amplitude) -> Draft {
     let middle = mean(&auxiliary.values);
     let values = map(&auxiliary.values, |value| value - middle);
-    Draft::linear(place, values, amplitude).with("column", &auxiliary.column)
+    let constant = vec![1.0; auxiliary.values.len()];
+    Draft::linear(place, values, amplitude)
+        .with_free_reference(place, constant)
+        .with("column", &auxiliary.column)
 }
 
 /// Unit of a coefficient on a quantity whose unit is not one of the catalogue's.

@@ -1,8 +1,8 @@
 //! Errors that follow a temperature, its rate, its difference from place to place, or its history.
 //!
 //! Temperatures are smoothed posterior means ([`crate::inputs::thermometer`]), on which coefficients are not attenuated.
-//! T₀ is the nominal model's reference. Where there is none, T₀ is the mean over the record and the candidate says so by a
-//! variant `reference`: a constant error found beside such an effect is k·(mean − T₀), not another effect.
+//! T₀ is the nominal model's reference. Where there is none, T₀ is the mean over the record, the candidate says so by a
+//! variant `reference`, and what another reference would add is an amplitude of its own, `at_mean`.
 use super::draft::{
     Draft, G_KELVIN, ITSELF, KELVIN, KELVIN_CUBED, KELVIN_PER_HOUR, KELVIN_PER_METRE, KELVIN_SQUARED,
     Plausible, any, at_each_instrument_place, coefficient, inertial, logarithmic, massive_gyros, number,
@@ -41,7 +41,7 @@ pub(super) const BIAS_TEMPERATURE: Effect = Effect {
             let (reference, known) = inputs.reference(place, thermometer);
             let values = map(&thermometer.temperature, |t| t - reference);
             let draft = Draft::linear(place, values, coefficient(place, KELVIN, plausible));
-            vec![with_reference(draft, reference, known)]
+            vec![with_reference(draft, place, vec![1.0; inputs.rows()], reference, known)]
         })
     },
 };
@@ -122,7 +122,7 @@ pub(super) const BIAS_THERMAL_LAG: Effect = Effect {
             let draft = Draft::grid(place, tau.clone(), amplitude, move |tau| {
                 map(&lagged(&time_s, &temperature, tau), |t| t - reference)
             });
-            vec![with_reference(draft, reference, known)]
+            vec![with_reference(draft, place, vec![1.0; inputs.rows()], reference, known)]
         })
     },
 };
@@ -195,7 +195,8 @@ pub(super) const BIAS_ELECTRONICS_TEMPERATURE: Effect = Effect {
                 let reference = crate::inputs::series::mean(&thermometer.temperature);
                 let values = map(&thermometer.temperature, |t| t - reference);
                 let draft = Draft::linear(place, values, coefficient(place, KELVIN, plausible));
-                with_reference(draft.with("column", &thermometer.column), reference, false)
+                let constant = vec![1.0; inputs.rows()];
+                with_reference(draft.with("column", &thermometer.column), place, constant, reference, false)
             });
             drafts.collect()
         })
@@ -287,7 +288,8 @@ fn times_temperature(
 ) -> Draft {
     let (reference, known) = inputs.reference(place, thermometer);
     let difference = map(&thermometer.temperature, |t| t - reference);
-    with_reference(Draft::linear(place, product(factor, &difference), amplitude), reference, known)
+    let draft = Draft::linear(place, product(factor, &difference), amplitude);
+    with_reference(draft, place, factor.to_vec(), reference, known)
 }
 
 /// `(T − T₀)ⁿ`; a reference that is not known is searched, as another one is another function of T.
@@ -313,8 +315,11 @@ fn power(
     })]
 }
 
-fn with_reference(draft: Draft, reference: f64, known: bool) -> Draft {
-    if known { draft } else { draft.with("reference", format!("{reference:.2} degC, the mean")) }
+fn with_reference(draft: Draft, place: &Place, factor: Vec<f64>, reference: f64, known: bool) -> Draft {
+    if known {
+        return draft;
+    }
+    draft.with_free_reference(place, factor).with("reference", format!("{reference:.2} degC, the mean"))
 }
 
 /// A plausible range of a number whose unit is not the sensor's.
