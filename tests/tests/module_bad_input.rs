@@ -9,7 +9,7 @@ use schuler_core::reading::{Quality, Reading};
 use schuler_core::thermal::{TemperatureRateConfig, ThermalStatus};
 use schuler_tests::golden_records::{MinimalStandard, fly, scenario_r1};
 
-use common::flight::{everything, full_block};
+use common::flight::{Flight, everything, full_block};
 
 mod common;
 
@@ -288,6 +288,19 @@ fn without_configuration_nothing_is_computed() {
     let output = module.step(&input(1000, Reading::good(0.1)));
     assert_eq!(output.status, Status::NOT_CONFIGURED);
     println!("the module's state takes {} bytes", size_of::<FlightModule>());
+}
+
+/// A day of disturbances, corrected by a full block, and not one number that is none.
+#[test]
+fn a_long_disturbed_flight_stays_finite() {
+    for seed in 0..4 {
+        let mut module = started();
+        module.load_compensation(&full_block()).unwrap();
+        for input in Flight::new(seed).take(40_000) {
+            let output = module.step(&input);
+            assert!(is_finite(&output), "seed {seed}: {input:?} {output:?}");
+        }
+    }
 }
 
 /// The time that the thermometers and the monitor live in: gaps are bridged, a repeated step is not new evidence, and a jump

@@ -80,7 +80,9 @@ fn fly_both(emulator: &mut Emulator, steps: usize) -> Reported {
         host.load_compensation(&block).unwrap();
         expected.extend(after.iter().map(|input| host.step(input).unwrap()));
         let host_s = begin.elapsed().as_secs_f64();
-        expected.iter().for_each(|output| reported.add(output));
+        for output in &expected {
+            reported.add(output);
+        }
 
         let begin = Instant::now();
         for (part, expected) in [(before, &expected[..before.len()]), (after, &expected[before.len()..])] {

@@ -301,7 +301,7 @@ mod tests {
     #[test]
     fn every_message_comes_back() {
         let step = HostMessage::Step(input(u64::MAX));
-        for message in [
+        for message in std::vec![
             HostMessage::Hello,
             HostMessage::Counters,
             HostMessage::Configure(ModuleConfig::default()),

@@ -1,7 +1,7 @@
 //! The flight module's outputs as a table: one row a step, SI units.
 use std::path::Path;
 
-use schuler_core::health::{self, Estimate};
+use schuler_core::health;
 use schuler_core::isolation::Verdict;
 use schuler_core::module::StepOutput;
 use schuler_recording::{Error, table};
@@ -137,12 +137,12 @@ fn columns(flown: &Flown) -> Vec<(String, Vec<f64>)> {
             });
         }
         put("health.residual".to_owned(), &|o| f64::from(o.health.residual));
-        let estimates: [(&str, fn(&StepOutput) -> Estimate<f32>); 3] = [
-            ("radio_error", |o| o.health.radio_error),
-            ("inertial_error", |o| o.health.inertial_error),
-            ("jump", |o| o.health.jump),
-        ];
-        for (name, of) in estimates {
+        for name in ["radio_error", "inertial_error", "jump"] {
+            let of = |o: &StepOutput| match name {
+                "radio_error" => o.health.radio_error,
+                "inertial_error" => o.health.inertial_error,
+                _ => o.health.jump,
+            };
             put(format!("health.{name}"), &|o| f64::from(of(o).value));
             put(format!("health.{name}.sigma"), &|o| f64::from(of(o).sigma));
         }

@@ -76,12 +76,12 @@ impl<'r> Instruments<'r> {
 
     /// Ids of the inertial sensors with their inputs.
     pub(super) fn corrected(&self) -> Vec<(String, Place)> {
-        let named = |series: &Option<&SensorSeries>, place: Place| {
+        let named = |series: Option<&SensorSeries>, place: Place| {
             series.map(|series| (series.sensor.id.clone(), place))
         };
-        let gyros = self.gyros.iter().enumerate().filter_map(|(k, it)| named(it, Place::Gyro(k)));
+        let gyros = self.gyros.iter().enumerate().filter_map(|(k, it)| named(*it, Place::Gyro(k)));
         let forces =
-            self.accelerometers.iter().enumerate().filter_map(|(k, it)| named(it, Place::Accelerometer(k)));
+            self.accelerometers.iter().enumerate().filter_map(|(k, it)| named(*it, Place::Accelerometer(k)));
         gyros.chain(forces).collect()
     }
 

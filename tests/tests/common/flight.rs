@@ -100,7 +100,7 @@ impl Flight {
         }
         if self.disturbance != Disturbance::None {
             self.disturbance = Disturbance::None;
-            self.remaining = self.random.random_range(50..600);
+            self.remaining = self.random.random_range(50..350);
             return;
         }
         let gyro = self.random.random_range(0..GYROS);

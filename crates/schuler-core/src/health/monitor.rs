@@ -1,10 +1,10 @@
 //! The monitor: guards in front of the recursion, read-outs and alarms behind it [HLT-5], [HLT-6].
-use nalgebra::{RealField, convert};
+use nalgebra::{ComplexField, RealField, convert};
 
 use super::conditional::Conditional;
 use super::config::{AlarmThresholds, HealthConfig};
 use super::output::{Estimate, HealthOutput, HealthStatus};
-use super::recursion::Recursion;
+use super::recursion::{Evidence, Recursion};
 use super::span::{MAX_SPAN_STEPS, SpanLadder};
 use super::verdict::{Findings, HealthAlarms};
 use crate::config::ConfigError;
@@ -103,9 +103,12 @@ impl<T: RealField + Copy, const LEVELS: usize> HealthMonitor<T, LEVELS> {
             state.started = false;
         }
         let span = self.ladder.span(if state.started { state.silence } else { 0 });
-        let (mut now, evidence) = state.recursion.after(&span, residual, present);
-        let sound = now.is_sound();
+        let (mut now, mut evidence) = state.recursion.after(&span, residual, present);
+        let told = [evidence.innovation, evidence.variance, evidence.log_likelihood];
+        let sound = now.is_sound() && told.iter().all(ComplexField::is_finite);
         if !sound {
+            // What came of numbers that are not sound says nothing.
+            evidence = Evidence::none();
             now = self.priors;
             state.recursion = self.priors;
             state.started = false;
@@ -127,7 +130,8 @@ impl<T: RealField + Copy, const LEVELS: usize> HealthMonitor<T, LEVELS> {
         status.set(HealthStatus::RESTARTED, restarted);
         status.set(HealthStatus::NUMERICAL_RESET, !sound);
 
-        let nis = evidence.innovation * evidence.innovation / evidence.variance;
+        let square = evidence.innovation * evidence.innovation;
+        let nis = if evidence.variance > T::zero() { square / evidence.variance } else { T::zero() };
         let mut output = HealthOutput {
             status,
             residual: if present { residual } else { T::zero() },

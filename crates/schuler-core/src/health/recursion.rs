@@ -52,6 +52,14 @@ pub(super) struct Evidence<T> {
     pub(super) out_of_model: bool,
 }
 
+impl<T: RealField + Copy> Evidence<T> {
+    /// Of a residual that was not used.
+    pub(super) fn none() -> Self {
+        let zero = T::zero();
+        Self { innovation: zero, variance: zero, log_likelihood: zero, out_of_model: false }
+    }
+}
+
 /// The paths from one mode i to all levels of noise under one λ. They share the prediction.
 #[derive(Clone, Copy)]
 struct Fan<T, const LEVELS: usize> {
@@ -172,7 +180,9 @@ impl<T: RealField + Copy, const LEVELS: usize> Recursion<T, LEVELS> {
                 let innovation = d - prediction.residual;
                 let paths = array::from_fn(|to_level| {
                     let level_noise = span.level_noise[from_level][to_level];
-                    let inverse_variance = T::one() / (prediction.variance + level_noise);
+                    // Never below the residual's own noise, whatever rounding has done to a covariance.
+                    let variance = prediction.variance.max(self.residual_variance);
+                    let inverse_variance = T::one() / (variance + level_noise);
                     Path {
                         prior: weight * span.level_transition[from_level][to_level],
                         level_noise,

@@ -15,7 +15,7 @@ use crate::isolation::FaultIsolation;
 use crate::reading::{Quality, Reading};
 use crate::thermal::{TemperatureRateOutput, ThermalState};
 
-/// The flight module's whole state: about 75 kB. Keep it in a static and configure it there.
+/// The flight module's whole state: about 73 kB. Keep it in a static and configure it there.
 #[derive(Clone, Copy, Debug)]
 pub struct FlightModule {
     stage: Stage,
