@@ -13,6 +13,9 @@ use crate::hold_out::held_out_s;
 use crate::nominal::Block;
 use crate::state::{Bench, Case, State};
 
+/// What an effect whose reference is not known adds at the mean, in the answer.
+pub(crate) const AT_MEAN: &str = "at_mean";
+
 /// The arrays of a case described by `before`, nothing but the noise fitted, and by `after`, with the findings.
 pub fn arrays(case: &Case<'_>, before: &State, after: &State, findings: &[Finding]) -> CaseArrays {
     let null = Bench::new(case, &before.terms, &before.noises);
@@ -100,7 +103,12 @@ fn cause(case: &Case<'_>, candidate: &Candidate, term: &Term, unit: Unit) -> Opt
     }
     match (&candidate.search, &candidate.amplitudes[..], &term.columns[..]) {
         (Search::Onset(_), ..) => time(),
-        (Search::Linear(_) | Search::Grid { unit_amplitude: false, .. }, [amplitude], [column]) => {
+        // A second amplitude for an unknown reference is a constant in such a plot.
+        (
+            Search::Linear(_) | Search::Grid { unit_amplitude: false, .. },
+            [amplitude, rest @ ..],
+            [column, ..],
+        ) if rest.iter().all(|other| other.name == AT_MEAN) => {
             let (_, values) = column.parts.first()?;
             let varies = values.windows(2).any(|pair| pair[0] != pair[1]);
             varies.then(|| Cause::of_signature(candidate.effect.formula, amplitude, values, unit))

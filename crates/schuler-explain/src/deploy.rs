@@ -10,7 +10,8 @@ use schuler_recording::case::{MotionKind, Quantity as Recorded, Sensor};
 use schuler_recording::unit::{Dimension, STANDARD_GRAVITY, Unit};
 use serde::Serialize;
 
-use crate::explanation::{Explanation, Finding};
+use crate::arrays::AT_MEAN;
+use crate::explanation::{Explanation, Finding, Parameter};
 
 /// Axes within this of each other, cosine, are the same: 0.8°.
 const SAME_AXIS: f64 = 0.9999;
@@ -170,30 +171,40 @@ impl<'c> Context<'c> {
     /// The terms of a finding, or why it has none.
     fn terms(&self, finding: &Finding) -> Result<Vec<Term>, String> {
         let parts = parts(finding)?;
-        let coefficient = finding
-            .parameters
-            .iter()
-            .find(|it| it.name == "coefficient")
-            .and_then(|it| Some((it.value?, it.unit.as_deref()?)))
-            .ok_or("it has no single coefficient")?;
-        let unit = in_si(coefficient.1).ok_or_else(|| format!("the unit {} is not known", coefficient.1))?;
-        let mut value = coefficient.0 * unit;
-        if matches!(parts[0], Part::TemperatureDifference) {
-            value /= self.distance(finding, coefficient.1)?;
+        let coefficient = value_of(finding, "coefficient")?.ok_or("it has no single coefficient")?;
+        let divisor = match parts {
+            [Part::TemperatureDifference, _] => self.distance(finding)?,
+            _ => 1.0,
+        };
+        let mut terms = Vec::new();
+        for (target, sensor) in self.targets(finding)? {
+            terms.push(self.term(finding, target, sensor, parts, coefficient / divisor)?);
+            // What it is at the mean of a temperature whose reference is not known.
+            if let Some(at_mean) = value_of(finding, AT_MEAN)? {
+                let without =
+                    parts.map(|part| if matches!(part, Part::Temperature(_)) { Part::One } else { part });
+                terms.push(self.term(finding, target, sensor, without, at_mean)?);
+            }
         }
-        self.targets(finding)?
-            .into_iter()
-            .map(|(target, sensor)| {
-                let mut sign = 1.0;
-                let mut factors = [Factor::default(); 2];
-                for (factor, part) in factors.iter_mut().zip(parts) {
-                    let (found, turned) = self.factor(finding, sensor, part)?;
-                    *factor = found;
-                    sign *= turned;
-                }
-                Ok(Term { target, coefficient: (sign * value) as f32, factors })
-            })
-            .collect()
+        Ok(terms)
+    }
+
+    fn term(
+        &self,
+        finding: &Finding,
+        target: Target,
+        sensor: Option<&Sensor>,
+        parts: [Part; 2],
+        value: f64,
+    ) -> Result<Term, String> {
+        let mut sign = 1.0;
+        let mut factors = [Factor::default(); 2];
+        for (factor, part) in factors.iter_mut().zip(parts) {
+            let (found, turned) = self.factor(finding, sensor, part)?;
+            *factor = found;
+            sign *= turned;
+        }
+        Ok(Term { target, coefficient: (sign * value) as f32, factors })
     }
 
     /// The inputs that a finding disturbs, each with its sensor.
@@ -329,8 +340,9 @@ impl<'c> Context<'c> {
     }
 
     /// By what the coefficient is to be divided to be per kelvin.
-    fn distance(&self, finding: &Finding, unit: &str) -> Result<f64, String> {
-        if !unit.ends_with("(K/m)") {
+    fn distance(&self, finding: &Finding) -> Result<f64, String> {
+        let per_metre = |it: &Parameter| it.unit.as_ref().is_some_and(|unit| unit.ends_with("(K/m)"));
+        if !finding.parameters.iter().any(per_metre) {
             return Ok(1.0);
         }
         let [to, from] = columns(finding).ok_or("it does not say between which thermometers")?;
@@ -405,6 +417,14 @@ fn why_not(effect: &str) -> &'static str {
     }
 }
 
+/// A parameter in SI units; none where there is no such parameter.
+fn value_of(finding: &Finding, name: &str) -> Result<Option<f64>, String> {
+    let Some(parameter) = finding.parameters.iter().find(|it| it.name == name) else { return Ok(None) };
+    let (Some(value), Some(unit)) = (parameter.value, parameter.unit.as_deref()) else { return Ok(None) };
+    let factor = in_si(unit).ok_or_else(|| format!("the unit {unit} is not known"))?;
+    Ok(Some(value * factor))
+}
+
 fn text<'f>(finding: &'f Finding, name: &str) -> Option<&'f str> {
     finding.parameters.iter().find(|it| it.name == name).and_then(|it| it.text.as_deref())
 }
@@ -468,7 +488,7 @@ mod tests {
     use schuler_recording::CaseFile;
 
     use super::*;
-    use crate::explanation::{Evidence, FORMAT, Fit, Parameter, Verdict};
+    use crate::explanation::{Evidence, FORMAT, Fit, Verdict};
 
     const CASE: &str = r#"
 format = "schuler-case/1"
@@ -546,6 +566,12 @@ position_m = [0.0, 0.1, 0.0]
             noise_shift: Vec::new(),
             rivals: Vec::new(),
         };
+        let mut finding = finding;
+        if words.iter().any(|(name, _)| *name == "reference") {
+            let at_mean =
+                Parameter { name: AT_MEAN.into(), value: Some(0.5), unit: Some("deg/h".into()), ..number };
+            finding.parameters.push(at_mean);
+        }
         let explanation = Explanation {
             format: FORMAT,
             verdict: Verdict::Explained,
@@ -584,8 +610,12 @@ position_m = [0.0, 0.1, 0.0]
         let nominal = term(&deployed("ay", "bias_temperature_sq", 1.0, "ug/K^2", &[("column", "ta")]));
         assert_eq!((nominal.factors[0].reference, nominal.factors[0].power), (20.0, 2));
         let taken = [("column", "tg"), ("reference", "23.67 degC, the mean")];
-        let taken = term(&deployed("gx", "bias_temperature", 1.0, "deg/h/K", &taken));
-        assert_eq!(taken.factors[0].reference, 23.67);
+        let taken = deployed("gx", "bias_temperature", 1.0, "deg/h/K", &taken);
+        assert_eq!(term(&taken).factors[0].reference, 23.67);
+        // What it adds at that reference is a constant beside it.
+        let constant = taken.block.terms[1];
+        assert_eq!((taken.findings[0].terms, constant.factors), (2, [Factor::default(); 2]));
+        assert_eq!(constant.coefficient, (0.5 * Unit::DegreePerHour.in_si()) as f32);
         let unknown = deployed("gx", "bias_temperature", 1.0, "deg/h/K", &[("column", "tg")]);
         assert!(unknown.findings[0].because.as_ref().unwrap().contains("vanishes"));
     }

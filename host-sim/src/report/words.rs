@@ -94,6 +94,7 @@ pub(super) fn name_of(name: &str) -> String {
         "frequency_hz" => "frequency",
         "delay_s" => "delay",
         "reference_degC" => "reference temperature",
+        "at_mean" => "at its mean",
         "arm_x_m" => "lever arm x",
         "arm_y_m" => "lever arm y",
         "arm_z_m" => "lever arm z",
