@@ -41,7 +41,7 @@ def main():
         walk = UnobservedComponents(y, "llevel", exog=X[:, 1:]).fit(disp=False, maxiter=500)
         case = f"quartz_gravimeter/{segment}"
         report.allow(case, "spring", "noise_white", "noise_markov", "noise_random_walk", "noise_flicker",
-                     "noise_exp_cos", "noise_variance_step")
+                     "noise_exp_cos", "noise_variance_step", "noise_outliers")
         for k, (name, (effect, unit, factor)) in enumerate(UNITS.items(), 1):
             gain = []
             without = np.delete(X, k, axis=1)

@@ -57,7 +57,7 @@ def main():
                     report.estimate(case, name, "periodic_line", "frequency_hz", frequency, width, "Hz", gain=ratio, **line)
                     k += 3
             report.allow(case, name, "noise_white", "noise_markov", "noise_random_walk", "noise_flicker",
-                         "noise_angle_quantisation", "noise_variance_step", "noise_exp_cos")
+                         "noise_angle_quantisation", "noise_variance_step", "noise_exp_cos", "noise_outliers")
             # A slow part is as well a drift over the record; a wandering one has steps.
             if structure != "white":
                 report.allow(case, name, "bias_drift_linear", "bias_warmup", "bias_step")
