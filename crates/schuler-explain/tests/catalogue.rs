@@ -120,6 +120,7 @@ impl Scene {
             motion: Motion { kind, ..Motion::default() },
             schuler_loop: None,
             sensors: Vec::new(),
+            calibration: None,
             auxiliaries: Vec::new(),
         };
         Self(Recording {
@@ -131,6 +132,7 @@ impl Scene {
             sensors: Vec::new(),
             auxiliaries: Vec::new(),
             motion: MotionSeries::default(),
+            table_angle: None,
             warnings: Vec::new(),
         })
     }

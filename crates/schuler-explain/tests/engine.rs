@@ -204,6 +204,7 @@ fn recording(series: Vec<Vec<f64>>) -> Recording {
             schuler_loop: None,
             sensors: sensors.iter().map(|series| series.sensor.clone()).collect(),
             auxiliaries: Vec::new(),
+            calibration: None,
         },
         step_s: 1.0,
         time_s: (0..rows).map(|row| row as f64).collect(),
@@ -212,6 +213,7 @@ fn recording(series: Vec<Vec<f64>>) -> Recording {
         sensors,
         auxiliaries: Vec::new(),
         motion: MotionSeries::default(),
+        table_angle: None,
         warnings: Vec::new(),
     }
 }
