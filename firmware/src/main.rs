@@ -24,7 +24,7 @@ mod image {
     fn main() -> ! {
         // In statics from the start: they are too big to be built on the stack and moved.
         static mut MODULE: FlightModule = FlightModule::new();
-        static mut ENDPOINT: Endpoint = Endpoint::new(link::IDENTITY);
+        static mut ENDPOINT: Endpoint = Endpoint::unidentified();
 
         board::start();
         ENDPOINT.identify(start::introduce(link::IDENTITY));

@@ -2,6 +2,7 @@
 //! fast as the emulated serial line, for runs of days. Not for silicon, where a semihosting call faults.
 #![allow(unsafe_code)]
 use core::arch::asm;
+use core::fmt;
 
 use cortex_m::singleton;
 use heapless::Vec;
@@ -61,6 +62,26 @@ pub fn run(endpoint: &mut Endpoint, module: &mut FlightModule) -> ! {
     }
 }
 
+/// The emulator's standard output, for images that speak text.
+#[derive(Debug)]
+pub struct Console {
+    output: usize,
+}
+
+impl Console {
+    /// Opens it; nothing where the emulator does not let it.
+    pub fn open() -> Option<Self> {
+        open(OUTPUT, MODE_WRITE).map(|output| Self { output })
+    }
+}
+
+impl fmt::Write for Console {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        write(self.output, text.as_bytes());
+        Ok(())
+    }
+}
+
 /// Frames on their way out: a call into the emulator costs as much as many frames.
 struct Answers {
     bytes: &'static mut Vec<u8, 8192>,
@@ -116,7 +137,7 @@ fn write(file: usize, bytes: &[u8]) {
 }
 
 /// Ends the emulator.
-fn exit() -> ! {
+pub fn exit() -> ! {
     loop {
         // SAFETY: on a 32-bit processor SYS_EXIT takes the reason itself.
         unsafe { call(EXIT, APPLICATION_EXIT) };

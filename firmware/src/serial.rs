@@ -76,6 +76,10 @@ impl Complaints {
             defmt::info!("configured");
             self.logged.configurations = now.configurations;
         }
+        if let Some(checksum) = now.compensation.filter(|_| now.compensation != self.logged.compensation) {
+            defmt::info!("compensation block {=u32:08x} loaded", checksum);
+        }
+        self.logged.compensation = now.compensation;
         let wrong = |counters: &Counters| {
             let Counters { refused, lost_bytes, stale, conflicts, overruns, skipped_ticks, .. } = *counters;
             (refused, lost_bytes, stale, conflicts, overruns, skipped_ticks)

@@ -16,6 +16,7 @@ use std::time::{Duration, Instant};
 use schuler_core::config::ConfigError;
 use schuler_core::module::{FlightModule, ModuleConfig, StepInput, StepOutput};
 use schuler_link::SOURCE_HASH;
+use schuler_link::block::{self, BlockBytes, BlockError};
 use schuler_link::frame::{Decoder, Frame, FrameError, Wire};
 use schuler_link::message::{Banner, Counters, HostMessage, ModuleMessage, Pace, Refusal};
 
@@ -27,6 +28,17 @@ mod image;
 const PATIENCE: Duration = Duration::from_secs(5);
 /// Before a module counts as silent.
 const GIVE_UP: Duration = Duration::from_secs(30);
+
+/// Inputs on their way at a time. They must fit into what lies between: a pipe of 64 kB, the module's receive queue of
+/// 4 kB.
+const PIPE_WINDOW: usize = 128;
+const SERIAL_WINDOW: usize = 4;
+
+/// An input is no longer on the wire: fields of postcard at one and a half times their size in memory, header, checksum,
+/// COBS and borders.
+const LONGEST_INPUT: usize = size_of::<StepInput>() * 3 / 2 + 20;
+const _: () = assert!(PIPE_WINDOW * LONGEST_INPUT <= 1 << 16);
+const _: () = assert!(SERIAL_WINDOW * LONGEST_INPUT <= 4096);
 
 /// Number of the question who is there: its answer is told from the banner of a restart, which bears 0.
 const HELLO: u32 = u32::MAX;
@@ -65,6 +77,9 @@ pub enum TargetError {
         /// What is wrong with it.
         problem: String,
     },
+    /// The bytes are not a compensation block.
+    #[error("the compensation block {0}")]
+    Block(#[from] BlockError),
     /// The module refuses a command.
     #[error("the module refuses: {0:?}")]
     Refused(Box<Refusal>),
@@ -97,6 +112,12 @@ pub trait Target {
     /// The configuration cannot be flown, or the target is out of reach.
     fn configure(&mut self, config: &ModuleConfig) -> Result<(), TargetError>;
 
+    /// Corrects the inputs by a compensation block from the next step on.
+    ///
+    /// # Errors
+    /// The bytes are not a block that can be flown, or the target is out of reach.
+    fn load_compensation(&mut self, block: &BlockBytes) -> Result<(), TargetError>;
+
     /// One step.
     ///
     /// # Errors
@@ -124,6 +145,11 @@ impl Default for HostModule {
 impl Target for HostModule {
     fn configure(&mut self, config: &ModuleConfig) -> Result<(), TargetError> {
         Ok(self.0.configure(config)?)
+    }
+
+    fn load_compensation(&mut self, block: &BlockBytes) -> Result<(), TargetError> {
+        let (block, _) = block::decode(block)?;
+        Ok(self.0.load_compensation(&block)?)
     }
 
     fn step(&mut self, input: &StepInput) -> Result<StepOutput, TargetError> {
@@ -232,13 +258,10 @@ impl Emulator {
             "none",
         ]);
         command.arg("-kernel").arg(elf);
-        match kind {
-            Image::Semihosting => {
-                command.args(["-semihosting-config", "enable=on,target=native", "-serial", "null"]);
-            }
-            _ => {
-                command.args(["-chardev", "stdio,id=link,signal=off", "-serial", "chardev:link"]);
-            }
+        if kind.has_semihosting() {
+            command.args(["-semihosting-config", "enable=on,target=native", "-serial", "null"]);
+        } else {
+            command.args(["-chardev", "stdio,id=link,signal=off", "-serial", "chardev:link"]);
         }
         command.args(["-serial", &format!("file:{}", log.display())]);
         command.args(options);
@@ -287,8 +310,7 @@ impl Emulator {
             complaints,
             image: elf.to_owned(),
             log,
-            // What is on its way must fit into the module's receive queue (2 kB), or into a pipe (64 kB).
-            window: if kind == Image::Semihosting { 128 } else { 4 },
+            window: if kind == Image::Semihosting { PIPE_WINDOW } else { SERIAL_WINDOW },
             patience: PATIENCE,
             disturb_outgoing: None,
             disturb_incoming: None,
@@ -530,6 +552,13 @@ impl Target for Emulator {
         }
     }
 
+    fn load_compensation(&mut self, block: &BlockBytes) -> Result<(), TargetError> {
+        match self.command(&HostMessage::LoadCompensation(block.clone()))? {
+            ModuleMessage::CompensationLoaded { .. } => Ok(()),
+            other => Err(unexpected(other)),
+        }
+    }
+
     fn step(&mut self, input: &StepInput) -> Result<StepOutput, TargetError> {
         match self.command(&HostMessage::Step(*input))? {
             ModuleMessage::Output(output) => Ok(output),
@@ -604,6 +633,7 @@ fn unexpected(message: ModuleMessage) -> TargetError {
             field: field.as_str().to_owned(),
             problem: problem.as_str().to_owned(),
         },
+        ModuleMessage::Refused(Refusal::Block(error)) => TargetError::Block(error),
         ModuleMessage::Refused(refusal) => TargetError::Refused(Box::new(refusal)),
         other => TargetError::Unexpected(format!("{other:?}")),
     }

@@ -8,14 +8,17 @@
 //! | [`flight`] | case in, module flown, outputs summed up |
 //! | [`identify`] | noise structure, Allan deviation and autocorrelation of each sensor of a recording |
 //! | [`plot`] | figures as SVG and PNG |
+//! | [`report`] | an explanation as text, figures and an HTML page |
 //! | [`statistics`] | tests of innovations |
 //! | [`command`] | the command's arguments, texts and progress |
 //! | [`emulator`] | the flight module behind one interface: in this process, or on the emulated target |
 //! | [`output`] | files that are whole or not there |
+//! | [`campaign`] | cases with concealed effects, sealed answers, and how well they are found
 //! | [`compare_isolation`] | every way of isolating a gyro against the optimum |
 //! | [`calibration_table`] | a calibration experiment on a one-axis table at changing temperature |
 
 pub mod calibration_table;
+pub mod campaign;
 pub mod command;
 pub mod compare_isolation;
 pub mod emulator;
@@ -24,6 +27,7 @@ pub mod identify;
 pub mod output;
 pub mod physics;
 pub mod plot;
+pub mod report;
 pub mod scenario;
 pub mod simulation;
 pub mod statistics;

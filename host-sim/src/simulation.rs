@@ -16,14 +16,16 @@ use crate::output::{self, Interrupted};
 use crate::physics::doppler::Doppler;
 use crate::physics::environment::Environment;
 use crate::physics::fault::{Faults, TimedFault};
+use crate::physics::fog::Fog;
 use crate::physics::gyro::Gyro;
-use crate::physics::heat::Thermometer;
+use crate::physics::heat::{Lag, Thermometer};
 use crate::physics::motion::{Kinematics, Motion, Trajectory, euler};
+use crate::physics::parasite::{Felt, Parasite};
 use crate::physics::pendulum::Accelerometer;
 use crate::physics::random::{Drift, Stream};
 use crate::physics::readout::Conversion;
 use crate::physics::schuler::{Delay, SchulerLoop};
-use crate::scenario::{Channel, ErrorSource, LoopEntry, Scenario, Told};
+use crate::scenario::{Channel, ClockEntry, ErrorSource, LoopEntry, Scenario, Told};
 
 /// Name of the case that is written.
 pub const CASE: &str = "case.toml";
@@ -118,17 +120,25 @@ impl Simulated {
     /// # Errors
     /// A file that cannot be written.
     pub fn write(&self, directory: &Path) -> Result<Written, Error> {
-        std::fs::create_dir_all(directory)
-            .map_err(|error| Error::io(directory, "make the directory", &error))?;
         let written = Written {
             case: directory.join(CASE),
             recording: directory.join(RECORDING),
             truth: directory.join(TRUTH),
         };
-        output::atomically(&written.recording, |path| self.recording.write(path))?;
+        self.write_public(directory)?;
         output::atomically(&written.truth, |path| self.truth.write(path))?;
-        output::atomically(&written.case, |path| self.case.write(path))?;
         Ok(written)
+    }
+
+    /// Writes case and recording without the truth, each file whole or not at all.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn write_public(&self, directory: &Path) -> Result<(), Error> {
+        std::fs::create_dir_all(directory)
+            .map_err(|error| Error::io(directory, "make the directory", &error))?;
+        output::atomically(&directory.join(RECORDING), |path| self.recording.write(path))?;
+        output::atomically(&directory.join(CASE), |path| self.case.write(path))
     }
 }
 
@@ -182,11 +192,64 @@ struct Plant<'s> {
     trajectory: Trajectory,
     environment: Environment,
     gyros: Vec<(Gyro, Faults, Faults)>,
+    fogs: Vec<(Fog, Faults)>,
     accelerometers: Vec<(Accelerometer, Faults)>,
     dopplers: Vec<(Doppler, Faults)>,
     thermometers: Vec<Thermometer>,
     channel: Option<LoopPlant>,
+    parasites: Vec<Parasite>,
+    clocks: Vec<Clock>,
     before: Kinematics,
+}
+
+/// The motion as late instruments feel it.
+struct Clock {
+    trajectory: Trajectory,
+    before: Kinematics,
+    /// Rate and specific force after the lag.
+    lagged: Option<[Lag; 6]>,
+    delay_s: f64,
+    lag_s: f64,
+}
+
+impl Clock {
+    /// The motion over the step that ends at `time_s`, cut into parts.
+    fn step(&mut self, time_s: f64, step_s: f64, parts: usize) -> StepMotion {
+        let mut motion = StepMotion { rate: vec![], force: vec![], end: self.before };
+        for part in 0..=parts {
+            if part > 0 {
+                let t = time_s - step_s + step_s * part as f64 / parts as f64;
+                let before = motion.end;
+                motion.end = self.trajectory.at(t - self.delay_s);
+                self.follow(&before, &motion.end, step_s / parts as f64);
+            }
+            let [wx, wy, wz, fx, fy, fz] = self.felt(&motion.end);
+            motion.rate.push(Vector3::new(wx, wy, wz));
+            motion.force.push(Vector3::new(fx, fy, fz));
+        }
+        self.before = motion.end;
+        motion
+    }
+
+    fn felt(&self, now: &Kinematics) -> [f64; 6] {
+        let exact = six(now);
+        self.lagged.map_or(exact, |lagged| lagged.map(|lag| lag.value()))
+    }
+
+    fn follow(&mut self, before: &Kinematics, now: &Kinematics, step_s: f64) {
+        if self.lag_s <= 0.0 {
+            return;
+        }
+        let lagged = self.lagged.get_or_insert(six(before).map(Lag::new));
+        for ((lag, a), b) in lagged.iter_mut().zip(six(before)).zip(six(now)) {
+            lag.advance(step_s, self.lag_s, a, b);
+        }
+    }
+}
+
+fn six(it: &Kinematics) -> [f64; 6] {
+    let (w, f) = (&it.rate, &it.specific_force);
+    [w.x, w.y, w.z, f.x, f.y, f.z]
 }
 
 /// The Schuler loop with its reference and the sources of its sensors' errors.
@@ -252,6 +315,11 @@ impl<'s> Plant<'s> {
                 Some((gyro, faults(&entry.ids.0), faults(second)))
             })
             .collect();
+        let fogs = scenario
+            .fogs
+            .iter()
+            .map(|entry| (Fog::new(entry.design.clone(), seed, &entry.id), faults(&entry.id)))
+            .collect();
         let accelerometers = scenario
             .accelerometers
             .iter()
@@ -291,15 +359,36 @@ impl<'s> Plant<'s> {
             noise: Stream::new(seed, &format!("{}/white", entry.id)),
             faults: faults(&entry.id),
         });
+        let parasites = scenario
+            .parasites
+            .iter()
+            .enumerate()
+            .map(|(k, entry)| {
+                Parasite::new(entry.disturbance.clone(), seed, &format!("{}/parasite_{k}", entry.sensor))
+            })
+            .collect();
+        let clocks = scenario
+            .clocks
+            .iter()
+            .map(|entry| {
+                let mut trajectory = Trajectory::new(scenario.motion.clone(), scenario.site);
+                let before = trajectory.at(-entry.delay_s);
+                let (delay_s, lag_s) = (entry.delay_s, entry.lag_s);
+                Clock { trajectory, before, lagged: None, delay_s, lag_s }
+            })
+            .collect();
         Self {
             scenario,
             trajectory,
             environment,
             gyros,
+            fogs,
             accelerometers,
             dopplers,
             thermometers,
             channel,
+            parasites,
+            clocks,
             before,
         }
     }
@@ -308,6 +397,13 @@ impl<'s> Plant<'s> {
         let step_s = self.scenario.step_s;
         let motion = self.move_body(time_s, step_s);
         self.environment.advance(step_s);
+        let late: Vec<StepMotion> =
+            self.clocks.iter_mut().map(|clock| clock.step(time_s, step_s, self.scenario.parts)).collect();
+        let seen = Seen { motion: &motion, late: &late, clocks: &self.scenario.clocks };
+        let quantities: Vec<(String, f64)> = (self.scenario.recorded.quantities.iter())
+            .map(|entry| (entry.column.clone(), entry.profile.at(time_s)))
+            .collect();
+        let parasitic = self.disturb(time_s, &motion, &quantities);
         recording.put(|| "t".to_owned(), time_s);
         truth.put(|| "t".to_owned(), time_s);
         truth.put3(["wx", "wy", "wz"], &StepMotion::mean(&motion.rate));
@@ -320,11 +416,12 @@ impl<'s> Plant<'s> {
         truth.put3(["latitude", "longitude", "height"], &place);
 
         let mut outputs = Vec::new();
-        self.read_gyros(time_s, &motion, &mut outputs, recording, truth);
-        self.read_accelerometers(time_s, &motion, &mut outputs, recording, truth);
-        self.read_dopplers(time_s, &motion, recording, truth);
-        self.read_loop(time_s, &motion, &outputs, recording, truth);
-        self.read_surroundings(&motion, recording);
+        self.read_gyros(time_s, &seen, &parasitic, &mut outputs, recording, truth);
+        self.read_fogs(time_s, &seen, &parasitic, &mut outputs, recording, truth);
+        self.read_accelerometers(time_s, &seen, &parasitic, &mut outputs, recording, truth);
+        self.read_dopplers(time_s, &motion, &parasitic, recording, truth);
+        self.read_loop(time_s, &motion, &parasitic, &outputs, recording, truth);
+        self.read_surroundings(&motion, &quantities, recording);
         let (rate, force) = (StepMotion::mean(&motion.rate), StepMotion::mean(&motion.force));
         match self.scenario.told {
             Told::Recorded => {
@@ -364,14 +461,17 @@ impl<'s> Plant<'s> {
     fn read_gyros(
         &mut self,
         time_s: f64,
-        motion: &StepMotion,
+        seen: &Seen<'_>,
+        parasitic: &[(String, f64)],
         outputs: &mut Vec<Output>,
         recording: &mut Rows,
         truth: &mut Rows,
     ) {
         let step_s = self.scenario.step_s;
         for ((gyro, first, second), entry) in self.gyros.iter_mut().zip(&self.scenario.gyros) {
-            let around = self.environment.around(entry.position_m, &motion.end.attitude);
+            let motion = seen.by(&entry.ids.0);
+            let mut around = self.environment.around(entry.position_m, &motion.end.attitude);
+            around.parasitic = of(parasitic, &entry.ids.0);
             let reading = gyro.step(&motion.rate, &motion.force, &around, step_s);
             let si = entry.unit.in_si();
             let ids = [Some(&entry.ids.0), entry.ids.1.as_ref()];
@@ -397,10 +497,38 @@ impl<'s> Plant<'s> {
         }
     }
 
+    fn read_fogs(
+        &mut self,
+        time_s: f64,
+        seen: &Seen<'_>,
+        parasitic: &[(String, f64)],
+        outputs: &mut Vec<Output>,
+        recording: &mut Rows,
+        truth: &mut Rows,
+    ) {
+        let step_s = self.scenario.step_s;
+        for ((fog, faults), entry) in self.fogs.iter_mut().zip(&self.scenario.fogs) {
+            let motion = seen.by(&entry.id);
+            let mut around = self.environment.around(entry.position_m, &motion.end.attitude);
+            around.parasitic = of(parasitic, &entry.id);
+            let reading = fog.step(&motion.rate, &around, step_s);
+            let told = faults.apply(time_s, reading.rate);
+            let (id, input) = (&entry.id, reading.true_rate);
+            recording.put(|| id.clone(), told.unwrap_or(f64::NAN) / entry.unit.in_si());
+            truth.put(|| format!("{id}.input"), input);
+            truth.put(|| format!("{id}.error"), reading.rate - input);
+            truth.put(|| format!("{id}.fault"), f64::from(u8::from(faults.active(time_s))));
+            truth.put(|| format!("{id}.temperature"), around.temperature);
+            truth.put(|| format!("{id}.gradient"), around.gradient);
+            outputs.push(Output { id: id.clone(), input, told });
+        }
+    }
+
     fn read_accelerometers(
         &mut self,
         time_s: f64,
-        motion: &StepMotion,
+        seen: &Seen<'_>,
+        parasitic: &[(String, f64)],
         outputs: &mut Vec<Output>,
         recording: &mut Rows,
         truth: &mut Rows,
@@ -408,7 +536,9 @@ impl<'s> Plant<'s> {
         let step_s = self.scenario.step_s;
         for ((instrument, faults), entry) in self.accelerometers.iter_mut().zip(&self.scenario.accelerometers)
         {
-            let around = self.environment.around(entry.position_m, &motion.end.attitude);
+            let motion = seen.by(&entry.id);
+            let mut around = self.environment.around(entry.position_m, &motion.end.attitude);
+            around.parasitic = of(parasitic, &entry.id);
             let reading = instrument.step(&motion.rate, &motion.force, &around, step_s);
             let told = faults.apply(time_s, reading.specific_force);
             let (id, input) = (&entry.id, reading.true_force);
@@ -424,9 +554,17 @@ impl<'s> Plant<'s> {
         }
     }
 
-    fn read_dopplers(&mut self, time_s: f64, motion: &StepMotion, recording: &mut Rows, truth: &mut Rows) {
-        let around = self.environment.around(0.0, &motion.end.attitude);
+    fn read_dopplers(
+        &mut self,
+        time_s: f64,
+        motion: &StepMotion,
+        parasitic: &[(String, f64)],
+        recording: &mut Rows,
+        truth: &mut Rows,
+    ) {
+        let mut around = self.environment.around(0.0, &motion.end.attitude);
         for ((doppler, faults), entry) in self.dopplers.iter_mut().zip(&self.scenario.dopplers) {
+            around.parasitic = of(parasitic, &entry.id);
             let reading = doppler.read(time_s, &motion.end, &around, self.scenario.step_s);
             let told = faults.apply(time_s, reading.velocity);
             let (id, input) = (&entry.id, reading.true_velocity);
@@ -441,6 +579,7 @@ impl<'s> Plant<'s> {
         &mut self,
         time_s: f64,
         motion: &StepMotion,
+        parasitic: &[(String, f64)],
         outputs: &[Output],
         recording: &mut Rows,
         truth: &mut Rows,
@@ -449,13 +588,15 @@ impl<'s> Plant<'s> {
         let step_s = self.scenario.step_s;
         let component = usize::from(entry.channel == Channel::East);
         let acceleration = (motion.end.velocity[component] - self.before.velocity[component]) / step_s;
-        let accelerometer = channel.accelerometer.mean(step_s, outputs);
-        let drift = channel.gyro.mean(step_s, outputs);
+        let accelerometer = channel.accelerometer.mean(step_s, outputs) + of(parasitic, "accelerometer");
+        let drift = channel.gyro.mean(step_s, outputs) + of(parasitic, "gyro");
         channel.truth.advance(step_s, accelerometer, drift, acceleration);
         let velocity = motion.end.velocity[component];
         let delayed = channel.reference.pass(time_s, velocity);
         let noise = entry.velocity_white * channel.noise.normal();
-        let told = channel.faults.apply(time_s, channel.truth.velocity_error + (velocity - delayed) + noise);
+        let compared = if entry.absolute { velocity } else { velocity - delayed };
+        let said = channel.truth.velocity_error + compared + noise + of(parasitic, &entry.id);
+        let told = channel.faults.apply(time_s, said);
         let out = entry.outages.iter().any(|(start, length)| time_s >= *start && time_s < start + length);
         let id = &entry.id;
         recording.put(|| id.clone(), told.filter(|_| !out).unwrap_or(f64::NAN));
@@ -470,11 +611,35 @@ impl<'s> Plant<'s> {
         }
     }
 
-    fn read_surroundings(&mut self, motion: &StepMotion, recording: &mut Rows) {
+    /// What each disturbed output gets, by its id.
+    fn disturb(
+        &mut self,
+        time_s: f64,
+        motion: &StepMotion,
+        quantities: &[(String, f64)],
+    ) -> Vec<(String, f64)> {
+        let scenario = self.scenario;
+        let environment = &self.environment;
+        let force = StepMotion::mean(&motion.force);
+        (self.parasites.iter_mut().zip(&scenario.parasites))
+            .map(|(parasite, entry)| {
+                let temperature = environment.temperature(position(scenario, &entry.sensor));
+                let felt = Felt { time_s, step_s: scenario.step_s, temperature, force, quantities };
+                (entry.sensor.clone(), parasite.step(&felt))
+            })
+            .collect()
+    }
+
+    fn read_surroundings(&mut self, motion: &StepMotion, quantities: &[(String, f64)], recording: &mut Rows) {
         let recorded = &self.scenario.recorded;
         for (thermometer, entry) in self.thermometers.iter_mut().zip(&recorded.thermometers) {
             let place = self.environment.temperature(entry.position_m);
             recording.put(|| entry.column.clone(), thermometer.read(self.scenario.step_s, place));
+        }
+        for ((column, value), entry) in quantities.iter().zip(&recorded.quantities) {
+            if entry.recorded {
+                recording.put(|| column.clone(), *value);
+            }
         }
         if recorded.voltage {
             recording.put(|| "supply_V".to_owned(), self.environment.voltage());
@@ -487,6 +652,34 @@ impl<'s> Plant<'s> {
             recording.put(|| "vibration_rms".to_owned(), self.environment.vibration_rms());
         }
     }
+}
+
+/// The motion as each output's instrument feels it.
+struct Seen<'a> {
+    motion: &'a StepMotion,
+    late: &'a [StepMotion],
+    clocks: &'a [ClockEntry],
+}
+
+impl Seen<'_> {
+    fn by(&self, id: &str) -> &StepMotion {
+        (self.clocks.iter().zip(self.late))
+            .find(|(clock, _)| clock.sensors.iter().any(|sensor| sensor == id))
+            .map_or(self.motion, |(_, late)| late)
+    }
+}
+
+/// Sum of the values under a name.
+fn of(values: &[(String, f64)], id: &str) -> f64 {
+    values.iter().filter(|(name, _)| name == id).map(|(_, value)| value).sum()
+}
+
+/// Where an output's instrument sits along the bar, m.
+fn position(scenario: &Scenario, id: &str) -> f64 {
+    let gyro = scenario.gyros.iter().find(|it| it.ids.0 == id).map(|it| it.position_m);
+    let fog = scenario.fogs.iter().find(|it| it.id == id).map(|it| it.position_m);
+    let accelerometer = scenario.accelerometers.iter().find(|it| it.id == id).map(|it| it.position_m);
+    gyro.or(fog).or(accelerometer).unwrap_or_default()
 }
 
 fn source(scenario: &Scenario, entry: &LoopEntry, source: &ErrorSource, name: &str) -> SourcePlant {
@@ -584,6 +777,20 @@ fn sensors(scenario: &Scenario) -> Vec<Sensor> {
             });
         }
     }
+    for entry in &scenario.fogs {
+        all.push(Sensor {
+            id: entry.id.clone(),
+            kind: SensorKind::Fog,
+            column: entry.id.clone(),
+            unit: entry.unit,
+            axis: Some(entry.design.input_axis.into()),
+            group: entry.group.clone(),
+            spin_axis: None,
+            quantisation: rounding(&entry.design.readout.conversion, entry.unit.in_si()),
+            relative: entry.relative,
+            nominal: entry.nominal.clone(),
+        });
+    }
     for entry in scenario.accelerometers.iter().filter(|entry| entry.recorded) {
         all.push(Sensor {
             id: entry.id.clone(),
@@ -647,6 +854,9 @@ fn auxiliaries(scenario: &Scenario) -> Vec<Auxiliary> {
             ..plain(&t.column, Quantity::Temperature, "degC")
         })
         .collect();
+    for entry in recorded.quantities.iter().filter(|entry| entry.recorded) {
+        all.push(Auxiliary { near: entry.near.clone(), ..plain(&entry.column, entry.quantity, &entry.unit) });
+    }
     if recorded.voltage {
         all.push(plain("supply_V", Quantity::Voltage, "V"));
     }

@@ -3,7 +3,7 @@ use std::time::{Duration, Instant};
 
 use host_sim::emulator::{Emulator, Image, Target, Transport};
 use schuler_core::module::ModuleConfig;
-use schuler_link::SOURCE_HASH;
+use schuler_link::{PROTOCOL, SOURCE_HASH};
 
 mod common;
 
@@ -13,7 +13,9 @@ const PATIENCE: Duration = Duration::from_secs(90);
 /// The line of the log that every start begins with.
 fn boot_line(reason: &str) -> String {
     let version = env!("CARGO_PKG_VERSION");
-    format!("info schuler {version}, sources {SOURCE_HASH:016x}, protocol 1, mps2-an386, started by {reason}")
+    format!(
+        "info schuler {version}, sources {SOURCE_HASH:016x}, protocol {PROTOCOL}, mps2-an386, started by {reason}"
+    )
 }
 
 fn wait_for_ready_mark(emulator: &mut Emulator) {

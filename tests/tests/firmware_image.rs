@@ -6,6 +6,11 @@ use object::{Object, ObjectSection, ObjectSymbol, SectionKind};
 
 mod common;
 
+/// Sizes of the sections, bytes.
+const SIZES: &str = "image_sizes.txt";
+/// By how much a size may differ from the golden one before the change is to be looked at.
+const TOLERANCE: f64 = 0.02;
+
 /// The board's flash and RAM, bytes (`memory.x`).
 const FLASH: u64 = 1024 * 1024;
 const RAM: u64 = 128 * 1024;
@@ -32,6 +37,7 @@ fn the_flashed_image_cannot_panic() {
     assert!(panics.is_empty(), "the image can panic: {panics:#?}");
 }
 
+/// Sections of the flashed image against `golden/image_sizes.txt`, to [`TOLERANCE`].
 #[test]
 fn the_flashed_image_fits_its_board() {
     if common::skipped("the_flashed_image_fits_its_board") {
@@ -40,17 +46,23 @@ fn the_flashed_image_fits_its_board() {
     let bytes = fs::read(build(Image::Flashed).unwrap()).unwrap();
     let elf = object::File::parse(&*bytes).unwrap();
     let (mut flash, mut ram) = (0, 0);
+    let (mut text, mut data, mut bss) = (0, 0, 0);
     for section in elf.sections() {
         let in_ram = section.address() >= 0x2000_0000;
         match section.kind() {
             SectionKind::Text | SectionKind::ReadOnlyData | SectionKind::ReadOnlyString => {
                 flash += section.size();
+                text += if section.name() == Ok(".text") { section.size() } else { 0 };
             }
             SectionKind::Data => {
                 flash += section.size();
                 ram += section.size();
+                data += section.size();
             }
-            SectionKind::UninitializedData if in_ram => ram += section.size(),
+            SectionKind::UninitializedData if in_ram => {
+                ram += section.size();
+                bss += if section.name() == Ok(".bss") { section.size() } else { 0 };
+            }
             _ => (),
         }
     }
@@ -58,4 +70,16 @@ fn the_flashed_image_fits_its_board() {
     assert!((8192..FLASH).contains(&flash));
     // Stack and queues at least; the last two words are the note for the next start.
     assert!((16 * 1024 + 4096..RAM - 8).contains(&ram));
+
+    let sizes = [("flash", flash), ("text", text), ("data", data), ("bss", bss), ("ram", ram)];
+    let golden = common::golden(SIZES);
+    let was = |name: &str| -> Option<u64> {
+        golden.lines().find_map(|line| line.strip_prefix(name)?.trim().parse().ok())
+    };
+    let near = |now: u64, was: u64| now.abs_diff(was) as f64 <= TOLERANCE * was as f64;
+    let same = sizes.iter().all(|(name, now)| was(name).is_some_and(|was| near(*now, was)));
+    if !same || common::rewrite_golden() {
+        let lines = sizes.map(|(name, size)| format!("{name:<6}{size:>8}\n"));
+        common::assert_golden(SIZES, &lines.concat());
+    }
 }

@@ -3,13 +3,14 @@ use std::time::{Duration, Instant};
 
 use host_sim::emulator::{Emulator, HostModule, Image, Target, TargetError, Transport};
 use schuler_core::module::ModuleConfig;
+use schuler_link::block::{BlockError, encode};
 use schuler_link::frame::{Frame, Wire};
 use schuler_link::message::{
     Board, HostMessage, ModuleMessage, Pace, Refusal, RefusedFrames, Start, Tick, Transport as Line,
 };
 use schuler_link::{PROTOCOL, SOURCE_HASH, VERSION};
 
-use common::flight::Flight;
+use common::flight::{Flight, everything, full_block};
 
 mod common;
 
@@ -29,11 +30,33 @@ fn answers_as_the_host_does(mut emulator: Emulator, board: Board) {
         other => panic!("a step before any configuration: {other:?}"),
     }
 
-    let config = ModuleConfig::default();
+    let config = everything();
     let mut host = HostModule::new();
     host.configure(&config).unwrap();
     emulator.configure(&config).unwrap();
-    for input in flight.take(100) {
+    for input in flight.by_ref().take(50) {
+        assert_eq!(emulator.step(&input).unwrap(), host.step(&input).unwrap());
+    }
+    // A block is refused or taken, and says so; what was in force stays or goes.
+    let block = encode(&full_block());
+    let mut damaged = block.clone();
+    damaged[100] ^= 1;
+    match emulator.load_compensation(&damaged) {
+        Err(TargetError::Block(error)) => assert_eq!(error, BlockError::Checksum),
+        other => panic!("{other:?}"),
+    }
+    let mut nan = full_block();
+    nan.terms[7].coefficient = f32::NAN;
+    match emulator.load_compensation(&encode(&nan)) {
+        Err(TargetError::Configuration { field, .. }) => assert_eq!(field, "compensation.terms.coefficient"),
+        other => panic!("{other:?}"),
+    }
+    assert_eq!(emulator.counters().unwrap().compensation, None);
+    emulator.load_compensation(&block).unwrap();
+    host.load_compensation(&block).unwrap();
+    let checksum = u32::from_le_bytes(*block.last_chunk().unwrap());
+    assert_eq!(emulator.counters().unwrap().compensation, Some(checksum));
+    for input in flight.take(50) {
         assert_eq!(emulator.step(&input).unwrap(), host.step(&input).unwrap());
     }
 

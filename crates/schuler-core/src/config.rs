@@ -23,6 +23,8 @@ pub enum Problem {
     OutOfRange,
     /// The geometry of the axes cannot serve; the reason is given.
     Geometry(&'static str),
+    /// There is nothing yet that it could belong to.
+    BeforeConfiguration,
 }
 
 impl ConfigError {
@@ -45,6 +47,7 @@ impl fmt::Display for Problem {
             Problem::NotPositive => "must be greater than zero",
             Problem::OutOfRange => "is outside the range in which the algorithm is valid",
             Problem::Geometry(reason) => reason,
+            Problem::BeforeConfiguration => "comes before any configuration of the module",
         })
     }
 }

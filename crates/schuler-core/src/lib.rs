@@ -8,6 +8,7 @@
 //! | [`isolation`] | which of five gyros has failed, and the rate from the healthy ones |
 //! | [`thermal`] | temperature and its rate from quantised readings; compensation of the sensors' thermal errors |
 //! | [`health`] | whether a radio sensor's mean has shifted or its noise has grown, against an inertial one |
+//! | [`compensation`] | the inputs corrected by a loaded block of coefficients |
 //! | [`module`] | the one fixed step that strings them together |
 //!
 //! No heap, no panic, no unsafe, no loop whose length depends on the data. Inside, everything is in SI units
@@ -17,7 +18,10 @@
 //! Equation ids (`FIL-11`, `FDI-4` …) name the equations of the papers; the doc comment of the code that
 //! implements one names it, and so does its test.
 #![no_std]
+// A lazy operator is a branch: the work of a step would depend on its data.
+#![allow(clippy::needless_bitwise_bool)]
 
+pub mod compensation;
 pub mod config;
 pub mod filter;
 pub mod health;

@@ -7,6 +7,12 @@ pub(crate) fn real<T: RealField>(value: f64) -> T {
     nalgebra::convert(value)
 }
 
+/// One or the other, chosen without a branch: the work does not depend on the condition.
+#[inline(always)]
+pub(crate) fn select<V>(condition: bool, one: V, other: V) -> V {
+    core::hint::select_unpredictable(condition, one, other)
+}
+
 /// A sum that carries its rounding error along (Neumaier). Thousands of log-likelihood terms in f32 stay
 /// exact to a few units in the last place.
 #[derive(Clone, Copy, Debug, PartialEq)]

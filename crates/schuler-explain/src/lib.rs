@@ -1,4 +1,32 @@
 //! Why a recording does not look like its simulation.
 
+pub mod arrays;
 pub mod calibration;
+pub mod catalogue;
+pub mod deploy;
+pub mod description;
+pub mod equivalence;
+pub mod evidence;
+pub mod explain;
+pub mod explanation;
+pub mod hold_out;
+pub mod inputs;
+pub mod least_squares;
+pub mod library;
+pub mod locate;
+pub mod minimise;
+pub mod noise;
+pub mod noise_change;
+pub mod noise_fit;
+pub mod nominal;
 pub mod radio_identification;
+pub mod readings;
+pub mod refit;
+pub mod scan;
+pub mod search;
+pub mod select;
+pub mod sentence;
+pub mod spectrum;
+pub mod state;
+pub mod statistics;
+pub mod whiten;

@@ -22,9 +22,10 @@
 //! from the caller.
 use schuler_core::module::{FlightModule, StepInput};
 
+use crate::block::{self, BlockBytes};
 use crate::frame::{Decoder, Frame, FrameError, Wire};
 use crate::message::{
-    Banner, Counters, HostMessage, Identity, ModuleMessage, Pace, Refusal, Tick, Transport,
+    Banner, Board, Counters, HostMessage, Identity, ModuleMessage, Pace, Refusal, Start, Tick, Transport,
 };
 
 /// Longest period of the clock's pace, ms.
@@ -54,8 +55,28 @@ pub struct Endpoint {
     configured: bool,
     /// Time of the last step, as the module was told: the base for a step without input, milliseconds.
     time_ms: u64,
-    clock: Option<ClockPace>,
+    pace: Stepping,
     counters: Counters,
+}
+
+/// What makes the module take a step.
+///
+/// The tag stands by itself, so that an endpoint at the host's pace is all zeros and a static one costs no flash.
+#[derive(Clone, Copy, Debug)]
+#[repr(u8)]
+#[allow(clippy::large_enum_variant)] // No heap to box it in.
+enum Stepping {
+    Host,
+    Clock(ClockPace),
+}
+
+impl Stepping {
+    fn clock(&mut self) -> Option<&mut ClockPace> {
+        match self {
+            Self::Host => None,
+            Self::Clock(clock) => Some(clock),
+        }
+    }
 }
 
 /// The last command accepted.
@@ -86,9 +107,15 @@ impl Endpoint {
             passing: Wire::new(),
             configured: false,
             time_ms: 0,
-            clock: None,
+            pace: Stepping::Host,
             counters: Counters::NONE,
         }
+    }
+
+    /// An endpoint of nothing but zeros, which as a static costs no flash; to be [identified](Self::identify) before it
+    /// speaks.
+    pub const fn unidentified() -> Self {
+        Self::new(Identity { board: Board::Host, transport: Transport::Memory, start: Start::PowerOn })
     }
 
     /// Says who is there and why; known only after the start.
@@ -119,8 +146,9 @@ impl Endpoint {
     }
 
     /// At the clock's pace, runs the step that is due. Call often; `Some` is the frame to be sent.
+    #[inline(never)]
     pub fn tick(&mut self, module: &mut FlightModule, mut now_us: impl FnMut() -> u64) -> Option<&[u8]> {
-        let pace = self.clock.as_mut()?;
+        let pace = self.pace.clock()?;
         let begin_us = now_us();
         let late_us = begin_us.checked_sub(pace.due_us)?;
         let period_us = u64::from(pace.period_ms) * 1000;
@@ -166,9 +194,14 @@ impl Endpoint {
 
     /// What makes the module take a step.
     pub fn pace(&self) -> Pace {
-        self.clock.as_ref().map_or(Pace::Host, |clock| Pace::Clock { period_ms: clock.period_ms })
+        match &self.pace {
+            Stepping::Host => Pace::Host,
+            Stepping::Clock(clock) => Pace::Clock { period_ms: clock.period_ms },
+        }
     }
 
+    // These stand by themselves: a message is large, and what one of them needs of the stack the others have no use for.
+    #[inline(never)]
     fn take(
         &mut self,
         frame: &Frame<HostMessage>,
@@ -212,6 +245,7 @@ impl Endpoint {
     }
 
     /// Carries out a command; `None` for an input that waits for its tick.
+    #[inline(never)]
     fn carry_out(
         &mut self,
         message: &HostMessage,
@@ -223,17 +257,21 @@ impl Endpoint {
                 Ok(()) => {
                     self.configured = true;
                     self.time_ms = 0;
-                    self.clock = None;
+                    self.pace = Stepping::Host;
                     self.counters.configurations = self.counters.configurations.saturating_add(1);
+                    self.counters.compensation = None;
                     ModuleMessage::Configured
                 }
                 Err(error) => ModuleMessage::Refused(error.into()),
             },
-            HostMessage::Step(_) | HostMessage::SetPace(_) if !self.configured => {
+            HostMessage::Step(_) | HostMessage::SetPace(_) | HostMessage::LoadCompensation(_)
+                if !self.configured =>
+            {
                 ModuleMessage::Refused(Refusal::NotConfigured)
             }
+            HostMessage::LoadCompensation(bytes) => self.load_compensation(bytes, module),
             HostMessage::Step(input) => {
-                if let Some(clock) = &mut self.clock {
+                if let Some(clock) = self.pace.clock() {
                     let superseded = clock.input.replace(*input).is_some();
                     self.counters.superseded_inputs =
                         self.counters.superseded_inputs.saturating_add(u32::from(superseded));
@@ -250,16 +288,30 @@ impl Endpoint {
         })
     }
 
+    #[inline(never)]
+    fn load_compensation(&mut self, bytes: &BlockBytes, module: &mut FlightModule) -> ModuleMessage {
+        match block::decode(bytes) {
+            Ok((block, checksum)) => match module.load_compensation(&block) {
+                Ok(()) => {
+                    self.counters.compensation = Some(checksum);
+                    ModuleMessage::CompensationLoaded { checksum }
+                }
+                Err(error) => ModuleMessage::Refused(error.into()),
+            },
+            Err(error) => ModuleMessage::Refused(Refusal::Block(error)),
+        }
+    }
+
     fn set_pace(&mut self, pace: Pace, now_us: u64) -> ModuleMessage {
-        self.clock = match pace {
-            Pace::Host => None,
+        self.pace = match pace {
+            Pace::Host => Stepping::Host,
             Pace::Clock { period_ms } => {
                 let possible = self.identity.transport != Transport::Semihosting;
                 if !(possible && (1..=MAX_PERIOD_MS).contains(&period_ms)) {
                     return ModuleMessage::Refused(Refusal::Pace);
                 }
                 let due_us = now_us.saturating_add(u64::from(period_ms) * 1000);
-                Some(ClockPace { period_ms, due_us, input: None })
+                Stepping::Clock(ClockPace { period_ms, due_us, input: None })
             }
         };
         ModuleMessage::PaceSet(pace)
@@ -311,12 +363,14 @@ mod tests {
     use std::vec::Vec;
 
     use proptest::prelude::*;
+    use schuler_core::compensation::{Block, Factor, Target, Term};
     use schuler_core::config::{ConfigError, Problem};
     use schuler_core::module::ModuleConfig;
 
     use super::*;
+    use crate::block::BlockError;
     use crate::frame::FrameError;
-    use crate::message::{Board, RefusedFrames, Start};
+    use crate::message::RefusedFrames;
 
     const IDENTITY: Identity =
         Identity { board: Board::Host, transport: Transport::Memory, start: Start::PowerOn };
@@ -472,6 +526,53 @@ mod tests {
             panic!()
         };
         assert_eq!(field.len(), 64, "clipped, not dropped");
+    }
+
+    /// A block is taken whole or not at all, and the module says which one is in force.
+    #[test]
+    fn a_compensation_block_is_loaded_or_refused_with_the_reason() {
+        let mut rig = Rig::new();
+        let term = Term {
+            target: Target::Velocity,
+            coefficient: 0.25,
+            factors: [Factor::default(), Factor::default()],
+        };
+        let block = Block { terms: [term].into_iter().collect(), ..Block::default() };
+        let bytes = block::encode(&block);
+        let load = |bytes: &BlockBytes| HostMessage::LoadCompensation(bytes.clone());
+        assert_eq!(rig.say(1, &load(&bytes)), Some(ModuleMessage::Refused(Refusal::NotConfigured)));
+        rig.say(2, &HostMessage::Configure(ModuleConfig::default()));
+        let checksum = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&bytes[..bytes.len() - 4]);
+        assert_eq!(rig.say(3, &load(&bytes)), Some(ModuleMessage::CompensationLoaded { checksum }));
+        assert_eq!(rig.endpoint.counters().compensation, Some(checksum));
+
+        let mut damaged = bytes.clone();
+        damaged[20] ^= 1;
+        let refused = |problem| Some(ModuleMessage::Refused(Refusal::Block(problem)));
+        assert_eq!(rig.say(4, &load(&damaged)), refused(BlockError::Checksum));
+        assert_eq!(rig.say(5, &load(&BlockBytes::new())), refused(BlockError::Form));
+        let mut nan = block.clone();
+        nan.terms[0].coefficient = f32::NAN;
+        match rig.say(6, &load(&block::encode(&nan))) {
+            Some(ModuleMessage::Refused(Refusal::Configuration { field, .. })) => {
+                assert_eq!(field, "compensation.terms.coefficient");
+            }
+            other => panic!("{other:?}"),
+        }
+        // The first one is in force still.
+        assert_eq!(rig.endpoint.counters().compensation, Some(checksum));
+        let input = StepInput {
+            velocity_error: schuler_core::reading::Reading::good(0.25),
+            ..StepInput::without_readings(1000)
+        };
+        match rig.say(7, &HostMessage::Step(input)) {
+            Some(ModuleMessage::Output(output)) => {
+                assert_eq!((output.compensation.velocity, output.filter.innovation), (0.25, 0.0));
+            }
+            other => panic!("{other:?}"),
+        }
+        rig.say(8, &HostMessage::Configure(ModuleConfig::default()));
+        assert_eq!(rig.endpoint.counters().compensation, None, "a configuration starts without");
     }
 
     #[test]

@@ -3,6 +3,7 @@
 //! | module | what it is |
 //! | --- | --- |
 //! | [`frame`] | how a message becomes bytes on a wire and comes back: direction, version, number, postcard, CRC-32, COBS |
+//! | [`block`] | a compensation block as bytes: version, length, postcard, CRC-32 |
 //! | [`message`] | what the two sides can say |
 //! | [`endpoint`] | the module's side of the conversation: each command carried out exactly once, pace, deadline, counters |
 //! | [`ring`] | a byte queue between an interrupt and the main loop |
@@ -11,13 +12,14 @@
 //! frames.
 #![no_std]
 
+pub mod block;
 pub mod endpoint;
 pub mod frame;
 pub mod message;
 pub mod ring;
 
 /// Version of the protocol: frame layout and messages. A frame of another version is refused.
-pub const PROTOCOL: u8 = 1;
+pub const PROTOCOL: u8 = 2;
 
 /// Hash of the sources that determine what an image computes (`build.rs` lists them). A host built from other
 /// sources than the image it talks to sees it here, before it trusts a comparison bit by bit.

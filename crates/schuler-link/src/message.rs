@@ -6,6 +6,7 @@ use schuler_core::config::ConfigError;
 use schuler_core::module::{ModuleConfig, StepInput, StepOutput};
 use serde::{Deserialize, Serialize};
 
+use crate::block::{BlockBytes, BlockError, MAX_BLOCK};
 use crate::frame::{FrameError, MAX_MESSAGE, Message};
 use crate::{PROTOCOL, SOURCE_HASH, VERSION};
 
@@ -13,16 +14,19 @@ use crate::{PROTOCOL, SOURCE_HASH, VERSION};
 ///
 /// [`Hello`](Self::Hello) and [`Counters`](Self::Counters) are questions: they change nothing and are answered
 /// always. The others are commands: each is carried out at most once (see [`crate::endpoint`]).
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[allow(clippy::large_enum_variant)] // No heap to box it in.
 pub enum HostMessage {
     /// Who are you? Answered with [`ModuleMessage::Banner`].
     Hello,
     /// How has it gone? Answered with [`ModuleMessage::Counters`].
     Counters,
-    /// Start afresh with this configuration, at the host's pace. Answered with [`ModuleMessage::Configured`] or
+    /// Start afresh with this configuration, at the host's pace and without a compensation block. Answered with [`ModuleMessage::Configured`] or
     /// [`Refusal::Configuration`]; a refused configuration changes nothing.
     Configure(ModuleConfig),
+    /// Correct the inputs by this compensation block ([`crate::block`]) from the next step on. Answered with
+    /// [`ModuleMessage::CompensationLoaded`], [`Refusal::Block`] or [`Refusal::Configuration`]; a refused block changes nothing.
+    LoadCompensation(BlockBytes),
     /// The input of a step. At the host's pace it is run at once and answered with [`ModuleMessage::Output`]; at the
     /// clock's pace it waits for the next tick and is not answered by itself.
     Step(StepInput),
@@ -46,6 +50,11 @@ pub enum ModuleMessage {
     Counters(Counters),
     /// The configuration is in force.
     Configured,
+    /// The compensation block is in force.
+    CompensationLoaded {
+        /// Its checksum.
+        checksum: u32,
+    },
     /// The result of a step at the host's pace.
     Output(StepOutput),
     /// The pace is in force.
@@ -60,9 +69,14 @@ impl Message for ModuleMessage {
     const DIRECTION: u8 = b'<';
 }
 
+/// The tag of a message, bytes.
+const TAG: usize = 1;
+
 // A field of postcard takes at most one and a half times its size in memory (a u64 as ten bytes, a u16 as three).
-// A message that outgrows the frame is to be found here and not in flight.
-const _: () = assert!(size_of::<HostMessage>() * 3 / 2 <= MAX_MESSAGE);
+// A message that outgrows the frame is to be found here and not in flight. Bytes stay what they are, after their number.
+const _: () = assert!(size_of::<ModuleConfig>() * 3 / 2 + TAG <= MAX_MESSAGE);
+const _: () = assert!(size_of::<StepInput>() * 3 / 2 + TAG <= MAX_MESSAGE);
+const _: () = assert!(MAX_BLOCK + 3 + TAG <= MAX_MESSAGE);
 const _: () = assert!(size_of::<ModuleMessage>() * 3 / 2 <= MAX_MESSAGE);
 
 /// What makes the module take a step.
@@ -184,7 +198,9 @@ pub enum Refusal {
         /// What is wrong with it.
         problem: String<128>,
     },
-    /// A step or a pace before any configuration: after a reset the module does not fly on with defaults.
+    /// The bytes are not a compensation block; what was in force before still is.
+    Block(BlockError),
+    /// A step, a pace or a compensation block before any configuration: after a reset the module does not fly on with defaults.
     NotConfigured,
     /// The command's number is behind the last one: it came late, and its turn has passed.
     Stale {
@@ -244,6 +260,8 @@ pub struct Counters {
     pub conflicts: u32,
     /// Configurations in force, one after the other.
     pub configurations: u32,
+    /// Checksum of the compensation block in force.
+    pub compensation: Option<u32>,
     /// Steps run, at either pace.
     pub steps: u32,
     /// Clock's pace: ticks without input.
@@ -268,6 +286,7 @@ impl Counters {
         stale: 0,
         conflicts: 0,
         configurations: 0,
+        compensation: None,
         steps: 0,
         missing_inputs: 0,
         superseded_inputs: 0,

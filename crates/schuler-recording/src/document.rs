@@ -292,6 +292,11 @@ impl<'d> Field<'d> {
         texts.try_into().ok().or_else(|| self.wrong(&expected))
     }
 
+    /// An array of strings.
+    pub fn text_list(&self) -> Option<Vec<String>> {
+        self.items("an array of strings", Field::text)
+    }
+
     /// A table, read with `read`.
     pub fn table<T>(&self, read: impl FnOnce(&Node<'_>) -> Option<T>) -> Option<T> {
         self.table_or("a table", read)

@@ -2,6 +2,7 @@
 use std::path::{Path, PathBuf};
 
 use schuler_core::identification::Method;
+use schuler_link::block::{self, BlockBytes, MAX_BLOCK};
 use schuler_recording::{CaseFile, Error, Problem, Recording};
 use serde::Serialize;
 
@@ -28,6 +29,9 @@ pub(super) struct Arguments {
     /// Also draw estimates, innovations and isolation, in these forms; needs --out.
     #[arg(long, value_enum, value_delimiter = ',', requires = "out")]
     plot: Vec<Format>,
+    /// Correct the sensors by the compensation block in this file.
+    #[arg(long, value_name = "BLOCK")]
+    compensation: Option<PathBuf>,
     /// How the noise is identified in flight.
     #[arg(long, value_enum, default_value_t)]
     identification: Identification,
@@ -77,6 +81,8 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
         Error::one(&arguments.case, problem)
     })?;
 
+    let compensation = arguments.compensation.as_deref().map(read_block).transpose()?;
+
     let mut answer = Answer {
         format: "schuler-flight/1",
         case: arguments.case.clone(),
@@ -88,6 +94,7 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
     };
     for mut channel in channels {
         channel.config.identification.method = arguments.identification.into();
+        channel.compensation.clone_from(&compensation);
         let truth = LoopTruth::beside(&arguments.case, &channel.name, &channel.time_s)?;
         let flown = flown(channel, arguments.on, &arguments.case, session)?;
         let summary = Summary::of(&flown, truth.as_ref());
@@ -103,6 +110,17 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
         answer.files.push(path);
     }
     session.answer(&answer, text::flight)
+}
+
+/// Reads a compensation block and checks it as the module will.
+fn read_block(path: &Path) -> Result<BlockBytes, Failure> {
+    let bytes =
+        std::fs::read(path).map_err(|error| Error::io(path, "read the compensation block", &error))?;
+    let block = |problem: Problem| Failure::Input(Error::one(path, problem));
+    let (content, _) = block::decode(&bytes).map_err(|error| block(Problem::of_file(error.to_string())))?;
+    content.validate().map_err(|error| block(Problem::new(None, error.field, error.problem.to_string())))?;
+    BlockBytes::from_slice(&bytes)
+        .map_err(|_| block(Problem::of_file(format!("is longer than {MAX_BLOCK} bytes"))))
 }
 
 /// Flies a channel with a progress bar. A configuration that cannot be flown is the case's mistake.

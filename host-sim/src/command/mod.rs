@@ -5,6 +5,8 @@
 //! | `simulate` | a scenario → recording, case and truth |
 //! | `fly` | a case → through the flight module |
 //! | `identify` | a case → noise of each sensor |
+//! | `explain` | a case → what its simulation leaves out |
+//! | `campaign` | many cases with concealed effects, scored |
 //! | `calibrate` | a calibration run → coefficients, what was observable, compensation file |
 //! | `compare-isolation` | every way of isolating a gyro against the optimum |
 //! | `figures` | the figures of the documentation |
@@ -13,8 +15,10 @@
 //! Results go to standard output, as text or with `--json` as one JSON document; progress and warnings go to standard
 //! error. Exit status: 0 done, 2 bad input (one line: file, line, field, what was expected), 130 stopped, 1 anything else.
 mod calibrate;
+mod campaign;
 mod compare_isolation;
 mod demo;
+mod explain;
 mod figures;
 mod fly;
 mod identify;
@@ -51,6 +55,10 @@ enum Command {
     Fly(fly::Arguments),
     /// Find structure and parameters of each sensor's noise.
     Identify(identify::Arguments),
+    /// Find where a recording differs from its simulation, and which physics was left out.
+    Explain(explain::Arguments),
+    /// Conceal effects in many cases, look for them, and score what was found.
+    Campaign(campaign::Arguments),
     /// Find all thermal coefficients from one run at changing temperature, and what it cannot tell.
     Calibrate(calibrate::Arguments),
     /// Compare every way of isolating a gyro with the optimum, by Monte Carlo.
@@ -94,6 +102,8 @@ pub fn main() -> ExitCode {
         Command::Simulate(arguments) => simulate::run(arguments, &session),
         Command::Fly(arguments) => fly::run(arguments, &session),
         Command::Identify(arguments) => identify::run(arguments, &session),
+        Command::Explain(arguments) => explain::run(arguments, &session),
+        Command::Campaign(arguments) => campaign::run(arguments, &session),
         Command::Calibrate(arguments) => calibrate::run(arguments, &session),
         Command::CompareIsolation(arguments) => compare_isolation::run(arguments, &session),
         Command::Figures(arguments) => figures::run(arguments, &session),

@@ -49,6 +49,21 @@ impl Session {
         Progress { bar, interrupt: &self.interrupt }
     }
 
+    /// A sign on standard error that work of unknown length goes on, until it is dropped.
+    pub(super) fn waiting(&self, label: &str) -> Waiting {
+        let target = if self.quiet {
+            ProgressDrawTarget::hidden()
+        } else {
+            ProgressDrawTarget::stderr_with_hz(REDRAWS)
+        };
+        let style = ProgressStyle::with_template("{msg:<24} {spinner}  {elapsed_precise}");
+        let bar = ProgressBar::with_draw_target(None, target)
+            .with_style(style.unwrap_or_else(|_| ProgressStyle::default_spinner()));
+        bar.set_message(label.to_owned());
+        bar.enable_steady_tick(std::time::Duration::from_millis(1000 / u64::from(REDRAWS)));
+        Waiting(bar)
+    }
+
     /// Warns, one line each, on standard error.
     pub(super) fn warn(warnings: &[String]) {
         for warning in warnings {
@@ -77,6 +92,15 @@ impl Session {
     }
 }
 
+/// Work of unknown length.
+pub(super) struct Waiting(ProgressBar);
+
+impl Drop for Waiting {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
+    }
+}
+
 /// A progress bar that also knows whether the user wants to stop.
 pub(super) struct Progress<'s> {
     bar: ProgressBar,
@@ -87,6 +111,11 @@ impl Progress<'_> {
     /// Notes the steps done, where they are few and long.
     pub(super) fn done(&self, steps: usize) {
         self.bar.set_position(steps as u64);
+    }
+
+    /// An error once the user wants to stop.
+    pub(super) fn check(&self) -> Result<(), Interrupted> {
+        self.interrupt.check()
     }
 
     /// Notes the steps done, where they come in bundles.

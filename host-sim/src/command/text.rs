@@ -3,7 +3,10 @@ use std::fmt::Write;
 
 use super::fly::Answer;
 use crate::flight::Summary;
-use crate::flight::summary::{FilterSummary, IdentificationSummary, NoiseSummary};
+use crate::flight::summary::{
+    CompensationSummary, FilterSummary, HealthSummary, IdentificationSummary, NoiseSummary,
+    ThermometerSummary,
+};
 
 const ARC_SECONDS: f64 = 180.0 / std::f64::consts::PI * 3600.0;
 const DEGREES_PER_HOUR: f64 = ARC_SECONDS;
@@ -84,6 +87,15 @@ fn channel(text: &mut String, summary: &Summary) {
             put(text, format_args!("  five gyros: fault of {gyro}: {size:.4} ± {sigma:.4} deg/h (1 sigma)"));
         }
     }
+    for it in &summary.thermometers {
+        thermometer(text, it);
+    }
+    if let Some(it) = &summary.compensation {
+        compensation(text, it);
+    }
+    if let Some(it) = &summary.health {
+        health(text, it);
+    }
     if let Some(truth) = &summary.truth {
         put(text, format_args!("  against the truth from {:.0} s on:", truth.from_s));
         for state in &truth.states {
@@ -99,6 +111,80 @@ fn channel(text: &mut String, summary: &Summary) {
             );
         }
     }
+}
+
+fn thermometer(text: &mut String, it: &ThermometerSummary) {
+    let [low, high] = it.temperature;
+    let rate = match (it.rate, it.settled_s) {
+        (Some([least, greatest]), Some(from)) => {
+            let [least, greatest] = [least, greatest].map(|rate| rate * 3600.0);
+            format!("rate {least:.2} to {greatest:.2} degC/h, settled from {from:.0} s on")
+        }
+        _ => "rate never settled".to_owned(),
+    };
+    let used = 100.0 * it.used_share;
+    put(
+        text,
+        format_args!(
+            "  {}: {low:.2} to {high:.2} degC, {rate}; {used:.1} % of the steps with a reading",
+            it.column
+        ),
+    );
+}
+
+fn compensation(text: &mut String, it: &CompensationSummary) {
+    put(
+        text,
+        format_args!(
+            "  compensation by block {}: inputs missing in {} steps, out of range in {}, limited in {}",
+            it.checksum, it.inputs_missing, it.out_of_range, it.limited
+        ),
+    );
+    for sensor in &it.sensors {
+        let (mean, unit) = spoken(sensor.mean, sensor.unit);
+        let (deviation, _) = spoken(sensor.deviation, sensor.unit);
+        put(
+            text,
+            format_args!(
+                "    {:<20} mean {mean:.4} {unit}, standard deviation {deviation:.4} {unit} taken off",
+                sensor.sensor
+            ),
+        );
+    }
+    let [(accelerometer, _), (gyro, _)] =
+        [spoken(it.loop_errors[0], "m/s^2"), spoken(it.loop_errors[1], "rad/s")];
+    put(
+        text,
+        format_args!(
+            "    velocity channel: {:.4} m/s, {accelerometer:.3} ug, {gyro:.4} deg/h rms taken off",
+            it.velocity
+        ),
+    );
+}
+
+fn health(text: &mut String, it: &HealthSummary) {
+    let shares: Vec<String> = it
+        .shares
+        .iter()
+        .map(|(name, share)| format!("{} {:.1} %", name.replace('_', " "), 100.0 * share))
+        .collect();
+    put(text, format_args!("  radio against inertial velocity: {}", shares.join(", ")));
+    let faults = it.verdicts.iter().filter(|change| !["nominal", "unobserved"].contains(&change.verdict));
+    for change in faults.clone().take(10) {
+        let verdict = change.verdict.replace('_', " ");
+        put(text, format_args!("    {:.0} s: {verdict}, suspect: {}", change.time_s, change.suspect));
+    }
+    let more = faults.count().saturating_sub(10);
+    if more > 0 {
+        put(text, format_args!("    {more} more verdicts"));
+    }
+    let ([radio, radio_sigma], [inertial, inertial_sigma]) = (it.radio_error, it.inertial_error);
+    put(
+        text,
+        format_args!(
+            "    at the end: radio error {radio:.3} ± {radio_sigma:.3} m/s, inertial error {inertial:.3} ± {inertial_sigma:.3} m/s (1 sigma)"
+        ),
+    );
 }
 
 fn measurements(text: &mut String, it: &FilterSummary) {

@@ -23,6 +23,8 @@ pub enum Image {
     Flashed,
     /// Provokes faults; does not speak the protocol.
     Provoke,
+    /// Counts instructions and stack; speaks text, and needs an emulator that counts.
+    Count,
 }
 
 impl Image {
@@ -37,8 +39,13 @@ impl Image {
     /// What its banner will say.
     pub(super) fn identity(self) -> Identity {
         let board = if self == Image::Flashed { Board::Stm32f405 } else { Board::Mps2An386 };
-        let transport = if self == Image::Semihosting { Transport::Semihosting } else { Transport::Uart };
+        let transport = if self.has_semihosting() { Transport::Semihosting } else { Transport::Uart };
         Identity { board, transport, start: Start::PowerOn }
+    }
+
+    /// It speaks through the emulator, not through the serial line.
+    pub(super) fn has_semihosting(self) -> bool {
+        matches!(self, Image::Semihosting | Image::Count)
     }
 
     fn features(self) -> &'static str {
@@ -47,11 +54,16 @@ impl Image {
             Image::Semihosting => "mps2-an386,semihosting",
             Image::Flashed => "stm32f405",
             Image::Provoke => "mps2-an386,provoke",
+            Image::Count => "mps2-an386,count",
         }
     }
 
     fn binary(self) -> &'static str {
-        if self == Image::Provoke { "provoke" } else { "firmware" }
+        match self {
+            Image::Provoke => "provoke",
+            Image::Count => "count",
+            _ => "firmware",
+        }
     }
 
     fn file_name(self) -> &'static str {
@@ -60,6 +72,7 @@ impl Image {
             Image::Semihosting => "mps2-an386-semihosting.elf",
             Image::Flashed => "stm32f405.elf",
             Image::Provoke => "provoke.elf",
+            Image::Count => "count.elf",
         }
     }
 }

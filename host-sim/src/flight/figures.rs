@@ -1,8 +1,11 @@
 //! The flight module's outputs as figures.
+use schuler_core::health::HealthStatus;
 use schuler_core::isolation::Verdict;
 use schuler_core::module::{Status, StepOutput};
+use schuler_core::thermal::{TemperatureRateOutput, ThermalStatus};
 
 use super::Flown;
+use super::outputs::health_code;
 use super::summary::{Summary, was_used};
 use super::truth::LoopTruth;
 use crate::plot::{Colour, Figure, Layer, Panel};
@@ -29,6 +32,12 @@ pub fn all(flown: &Flown, summary: &Summary, truth: Option<&LoopTruth>) -> Vec<(
     }
     if flown.channel.gyros.is_some() {
         figures.push((format!("{name}_isolation"), isolation(flown, summary)));
+    }
+    if !flown.channel.thermometers.is_empty() {
+        figures.push((format!("{name}_temperature"), temperature(flown)));
+    }
+    if flown.channel.has_health {
+        figures.push((format!("{name}_health"), health(flown)));
     }
     figures
 }
@@ -249,4 +258,51 @@ fn isolation(flown: &Flown, summary: &Summary) -> Figure {
         }),
     ];
     Figure { title: format!("{}: five gyros", flown.channel.name), panels }
+}
+
+/// Temperatures and their rates.
+fn temperature(flown: &Flown) -> Figure {
+    let x = hours(flown);
+    let known = |k: usize, of: &dyn Fn(&TemperatureRateOutput<f32>) -> f32, unknown: ThermalStatus| {
+        let value = |o: &StepOutput| {
+            let it = o.thermometers.get(k).filter(|it| !it.status.intersects(unknown));
+            it.map_or(f64::NAN, |it| f64::from(of(it)))
+        };
+        flown.outputs.iter().map(value).collect::<Vec<f64>>()
+    };
+    let mut first = Panel::new("time, h", "temperature, °C");
+    let mut second = Panel::new("time, h", "rate, °C/h");
+    for (k, column) in flown.channel.thermometers.iter().enumerate() {
+        let unsettled = ThermalStatus::NO_READING | ThermalStatus::SETTLING;
+        let temperature = known(k, &|it| it.temperature, ThermalStatus::NO_READING);
+        let rate = known(k, &|it| it.rate * 3600.0, unsettled);
+        first = first.line(column, &x, temperature, Colour::nth(k));
+        second = second.line(column, &x, rate, Colour::nth(k));
+    }
+    Figure { title: format!("{}: thermometers", flown.channel.name), panels: vec![first, second] }
+}
+
+/// The residual, the probabilities of a fault, and the verdict.
+fn health(flown: &Flown) -> Figure {
+    let x = hours(flown);
+    let outputs = &flown.outputs;
+    let line = |of: &dyn Fn(&StepOutput) -> f64| -> Vec<f64> { outputs.iter().map(of).collect() };
+    let unusable = HealthStatus::RADIO_UNUSABLE | HealthStatus::INERTIAL_UNUSABLE;
+    let residual = line(&|o| {
+        if o.health.status.intersects(unusable) { f64::NAN } else { f64::from(o.health.residual) }
+    });
+    let panels = vec![
+        Panel::new("time, h", "radio − inertial, m/s")
+            .points("residual", &x, residual, Colour::Sky)
+            .line("radio error", &x, line(&|o| f64::from(o.health.radio_error.value)), Colour::Blue)
+            .line("inertial error", &x, line(&|o| f64::from(o.health.inertial_error.value)), Colour::Orange),
+        Panel::new("time, h", "probability")
+            .line("mean shifted", &x, line(&|o| f64::from(o.health.p_jump)), Colour::Red)
+            .line("noise grown", &x, line(&|o| f64::from(o.health.p_noise)), Colour::Purple)
+            .line("either", &x, line(&|o| f64::from(o.health.p_fault)), Colour::Black),
+        // The axis has numbers; the label says what they are.
+        Panel::new("time, h", "verdict (1 nominal, 2 shifted, 3 noisy, 4 both, 5 either, 6 inertial, 7 out)")
+            .line("verdict", &x, line(&|o| health_code(o.health.verdict)), Colour::Black),
+    ];
+    Figure { title: format!("{}: radio against inertial velocity", flown.channel.name), panels }
 }

@@ -66,6 +66,9 @@ pub fn fly(
         On::Host => {
             let mut module = HostModule::new();
             module.configure(&channel.config)?;
+            if let Some(block) = &channel.compensation {
+                module.load_compensation(block)?;
+            }
             for input in &channel.inputs {
                 take(module.step(input)?)?;
             }
@@ -74,6 +77,9 @@ pub fn fly(
             let transport = if on == On::Qemu { Transport::Fifo } else { Transport::Uart };
             let mut emulator = Emulator::start(transport)?;
             emulator.configure(&channel.config)?;
+            if let Some(block) = &channel.compensation {
+                emulator.load_compensation(block)?;
+            }
             for output in emulator.run(channel.inputs.iter().copied()) {
                 take(output?)?;
             }

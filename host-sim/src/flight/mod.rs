@@ -3,6 +3,8 @@
 //! | module | does |
 //! | --- | --- |
 //! | [`mod@plan`] | case and recording → one or more channels: configuration and inputs of the module |
+//! | [`sensors`] | which sensors stand at which inputs |
+//! | `velocities` | velocity errors, and radio against inertial velocities |
 //! | [`mission`] | runs a channel on this machine or on the emulated target |
 //! | [`summary`] | what a run says of the filter, the noise and the gyros |
 //! | [`truth`] | what a simulation has left of the truth |
@@ -12,8 +14,10 @@ pub mod figures;
 pub mod mission;
 pub mod outputs;
 pub mod plan;
+pub mod sensors;
 pub mod summary;
 pub mod truth;
+mod velocities;
 
 pub use mission::{Flown, On, fly};
 pub use plan::{Channel, plan};

@@ -3,33 +3,36 @@
 //! | in the case | channels |
 //! | --- | --- |
 //! | `motion.kind = "velocity_error"` | one, from the sensor of kind `ins_velocity` |
-//! | recorded `velocity_ned` and `attitude_rad` beside three or more `doppler` sensors | north and east: the inertial velocity minus the Doppler velocity, turned into north-east-down by the recorded attitude |
+//! | recorded `velocity_ned` and `attitude_rad` beside three or more `doppler` (or else `gnss_velocity`) sensors | north and east: the inertial velocity minus the radio's, turned into north-east-down by the recorded attitude; the health monitor listens to both |
+//! | otherwise, a sensor of kind `ins_velocity` and a `doppler` or `gnss_velocity` along the same axis | one for each such pair: their difference, and the health monitor on both |
 //! | exactly five gyros, or one group of exactly five | isolation in the first channel, or alone where there is no velocity |
+//! | other gyros, and accelerometers, by the body axis that is nearest | inputs of the compensation in the first channel |
+//! | the first four recorded temperatures, those `near` a sensor before others | temperature and its rate in the first channel, or alone |
 //!
 //! What a case does not say has these defaults: noise of accelerometer and gyro as [`ModuleConfig::default`]
 //! (10⁻⁴ g over 60 s, 0.1 °/h over 1800 s); noise of the velocity 0.1 m/s; velocity error at the start ten times the
 //! velocity noise, at least 0.1 m/s; tilt at the start 10⁻⁴ rad; noise of a gyro 0.02 °/h; range of a gyro 10 rad/s;
-//! relative error of a gyro 10⁻⁵, micromechanical 10⁻². Where a gyro is `relative`, the constant parity of the block is
+//! relative error of a gyro 10⁻⁵, micromechanical 10⁻²; quantum of a thermometer, the median distance of its values; correlated
+//! error of a radio velocity, that of its white noise over 10 s, degraded and jumping threefold. Where a gyro is `relative`, the constant parity of the block is
 //! measured over the first tenth of the recording, at most 3600 steps, in which no fault is detected; otherwise the
 //! nominal biases are taken for exact.
 //! A missing reading, and a step that the recording lacks, is a reading of quality missing; a quantised reading has the
 //! variance of its step added to its white noise.
 use std::collections::BTreeSet;
 
-use nalgebra::{Matrix3, Vector3};
 use schuler_core::filter::{FilterConfig, MarkovNoise};
 use schuler_core::isolation::IsolationConfig;
-use schuler_core::module::{Command, GYROS, ModuleConfig, StepInput};
+use schuler_core::module::{GYROS, ModuleConfig, StepInput};
 use schuler_core::reading::Reading;
-use schuler_recording::case::{Markov, MotionKind, SensorKind};
-use schuler_recording::motion::body_to_ned;
+use schuler_link::block::BlockBytes;
+use schuler_recording::case::{Markov, SensorKind};
 use schuler_recording::recording::SensorSeries;
 use schuler_recording::{Problem, Recording};
 
+use super::sensors::{Instruments, Place, reading};
+use super::velocities::{DEFAULT_VELOCITY_NOISE, Velocity, velocities};
 use crate::physics::earth;
 
-/// Velocity noise where the case gives none, m/s.
-const DEFAULT_VELOCITY_NOISE: f64 = 0.1;
 /// Velocity error at the start in units of the velocity noise.
 const INITIAL_VELOCITY: f64 = 10.0;
 /// Least velocity error at the start, m/s.
@@ -49,8 +52,6 @@ const LEAK: f64 = 0.045;
 const LONGEST_CALIBRATION: usize = 3600;
 /// A measured constant above this many standard deviations is a fault.
 const OFFSET_LIMIT: f64 = 20.0;
-/// Doppler axes whose least singular value is below this do not span space.
-const LEAST_SINGULAR_VALUE: f64 = 0.05;
 
 /// One run of the flight module.
 #[derive(Clone, Debug, PartialEq)]
@@ -67,13 +68,14 @@ pub struct Channel {
     pub has_velocity: bool,
     /// Ids of the five gyros, if there are.
     pub gyros: Option<[String; GYROS]>,
-}
-
-/// A velocity error in one direction.
-struct Velocity {
-    name: String,
-    values: Vec<f64>,
-    noise: f64,
+    /// Ids of the inertial sensors at the module's inputs.
+    pub sensors: Vec<(String, Place)>,
+    /// Columns of the thermometers.
+    pub thermometers: Vec<String>,
+    /// Whether there are a radio and an inertial velocity.
+    pub has_health: bool,
+    /// What the module corrects by.
+    pub compensation: Option<BlockBytes>,
 }
 
 /// The channels of a recording.
@@ -82,52 +84,63 @@ struct Velocity {
 /// What the case would have to give; the field is that of the case.
 pub fn plan(recording: &Recording) -> Result<Vec<Channel>, Problem> {
     let gyros = block(recording);
+    let instruments = Instruments::of(recording, gyros.as_ref());
     let velocities = velocities(recording)?;
-    if velocities.is_empty() && gyros.is_none() {
+    let has_velocity = !velocities.is_empty();
+    let thermometers = instruments.thermometer_columns();
+    if !has_velocity && gyros.is_none() && thermometers.is_empty() {
         let kind = recording.case.motion.kind;
-        let found = format!("found \"{kind}\" without a velocity difference and without five gyros");
-        let expected = "expected velocity_error; or recorded velocity_ned and attitude_rad beside doppler sensors; or five gyros";
+        let found = format!(
+            "found \"{kind}\" without a velocity difference, without five gyros and without a thermometer"
+        );
+        let expected = "expected velocity_error; or recorded velocity_ned and attitude_rad beside doppler sensors; \
+            or an ins_velocity beside a doppler or gnss_velocity; or five gyros; or an aux of quantity temperature";
         return Err(Problem::new(None, "motion.kind", format!("{found}; {expected}")));
     }
     let start_s = recording.time_s.first().copied().unwrap_or_default();
     let time_ms: Vec<u64> =
         recording.time_s.iter().map(|t| ((t - start_s + recording.step_s) * 1000.0).round() as u64).collect();
 
-    let alone = Velocity { name: "gyros".to_owned(), values: Vec::new(), noise: DEFAULT_VELOCITY_NOISE };
-    let has_velocity = !velocities.is_empty();
+    let name = if gyros.is_some() { "gyros" } else { "thermometers" };
+    let alone =
+        Velocity { name: name.to_owned(), values: Vec::new(), noise: DEFAULT_VELOCITY_NOISE, pair: None };
     let runs = if has_velocity { velocities } else { vec![alone] };
     let channels = runs.into_iter().enumerate().map(|(index, velocity)| {
         let gyros = gyros.as_ref().filter(|_| index == 0);
-        let inputs = time_ms
-            .iter()
-            .enumerate()
-            .map(|(row, &time_ms)| StepInput {
-                time_ms,
-                velocity_error: finite(&velocity.values, row)
-                    .map_or_else(Reading::missing, |value| Reading::good(value as f32)),
-                gyros: gyros.map_or([Reading::missing(); GYROS], |five| {
-                    five.map(|series| {
-                        finite(&series.values, row).map_or_else(Reading::missing, Reading::good)
-                    })
-                }),
-                command: Command::None,
+        let instruments = if index == 0 { instruments.clone() } else { Instruments::default() };
+        let inputs = (time_ms.iter().enumerate())
+            .map(|(row, &time_ms)| {
+                let mut input = StepInput::without_readings(time_ms);
+                let read = |values: &[f64]| {
+                    let reading = reading(Some(values), row);
+                    Reading { value: reading.value as f32, age_ms: reading.age_ms, quality: reading.quality }
+                };
+                input.velocity_error = read(&velocity.values);
+                if let Some(pair) = &velocity.pair {
+                    input.radio_velocity = read(&pair.radio);
+                    input.inertial_velocity = read(&pair.inertial);
+                }
+                instruments.read(row, &mut input);
+                input
             })
             .collect();
+        let mut config = config(recording, velocity.noise, gyros);
+        config.thermometers = instruments.thermometer_configs();
+        config.health = velocity.pair.as_ref().map(|it| it.config(recording.step_s, config.max_age_ms));
         Channel {
-            config: config(recording, velocity.noise, gyros),
+            config,
+            has_health: velocity.pair.is_some(),
             name: velocity.name,
             time_s: recording.time_s.clone(),
             inputs,
             has_velocity,
             gyros: gyros.map(|five| five.map(|series| series.sensor.id.clone())),
+            sensors: instruments.corrected(),
+            thermometers: instruments.thermometer_columns(),
+            compensation: None,
         }
     });
     Ok(channels.collect())
-}
-
-/// The value in a row, if there is one.
-fn finite(values: &[f64], row: usize) -> Option<f64> {
-    values.get(row).copied().filter(|value| value.is_finite())
 }
 
 /// The five gyros: all that there are, or those of the one group that has exactly five.
@@ -148,80 +161,6 @@ fn block(recording: &Recording) -> Option<[&SensorSeries; GYROS]> {
         (Some(five), None) => Some(five),
         _ => gyros.try_into().ok(),
     }
-}
-
-fn velocities(recording: &Recording) -> Result<Vec<Velocity>, Problem> {
-    if recording.case.motion.kind == MotionKind::VelocityError {
-        let of_loop = recording.case.schuler_loop.map(|it| it.velocity_white).unwrap_or_default();
-        return Ok(recording
-            .sensors
-            .iter()
-            .filter(|series| series.sensor.kind == SensorKind::InsVelocity)
-            .map(|series| Velocity {
-                name: series.sensor.id.clone(),
-                values: series.values.clone(),
-                noise: noise(series, of_loop),
-            })
-            .collect());
-    }
-    let doppler: Vec<&SensorSeries> =
-        recording.sensors.iter().filter(|series| series.sensor.kind == SensorKind::Doppler).collect();
-    let (Some(velocity), Some(attitude)) = (&recording.motion.velocity_ned, &recording.motion.attitude_rad)
-    else {
-        return Ok(Vec::new());
-    };
-    if doppler.is_empty() {
-        return Ok(Vec::new());
-    }
-    against_doppler(recording, &doppler, velocity, attitude)
-}
-
-/// Inertial velocity minus Doppler velocity, north and east.
-fn against_doppler(
-    recording: &Recording,
-    doppler: &[&SensorSeries],
-    velocity: &[Vec<f64>; 3],
-    attitude: &[Vec<f64>; 3],
-) -> Result<Vec<Velocity>, Problem> {
-    let axes: Vec<Vector3<f64>> =
-        doppler.iter().map(|series| Vector3::from(series.sensor.axis.unwrap_or_default())).collect();
-    let normal: Matrix3<f64> = axes.iter().map(|axis| axis * axis.transpose()).sum();
-    let spans = normal.symmetric_eigenvalues().min() > LEAST_SINGULAR_VALUE.powi(2);
-    let (Some(inverse), true) = (normal.try_inverse(), spans) else {
-        let found = format!("found {} doppler axes that do not span space", doppler.len());
-        return Err(Problem::new(
-            None,
-            "sensor",
-            format!("{found}; expected three beams or body components"),
-        ));
-    };
-    let sigma = doppler.iter().map(|series| noise(series, 0.0)).fold(0.0, f64::max);
-    let mut errors = [Vec::with_capacity(recording.len()), Vec::with_capacity(recording.len())];
-    for row in 0..recording.len() {
-        // Least squares over the beams; one that is missing leaves no velocity.
-        let beams = doppler.iter().zip(&axes).map(|(series, axis)| {
-            let nominal = &series.sensor.nominal;
-            let value = series.values.get(row).copied().unwrap_or(f64::NAN);
-            axis * ((value - nominal.bias) / (1.0 + nominal.scale_factor_ppm * 1e-6))
-        });
-        let body = inverse * beams.sum::<Vector3<f64>>();
-        let at = |columns: &[Vec<f64>; 3], k: usize| columns[k].get(row).copied().unwrap_or(f64::NAN);
-        let turn = body_to_ned(at(attitude, 0), at(attitude, 1), at(attitude, 2));
-        let told = turn * body;
-        for (k, error) in errors.iter_mut().enumerate() {
-            error.push(at(velocity, k) - told[k]);
-        }
-    }
-    let [north, east] = errors;
-    let channel = |name: &str, values| Velocity { name: name.to_owned(), values, noise: sigma };
-    Ok(vec![channel("north", north), channel("east", east)])
-}
-
-/// White noise of a velocity with that of its quantisation.
-fn noise(series: &SensorSeries, otherwise: f64) -> f64 {
-    let sensor = &series.sensor;
-    let white = [sensor.nominal.white, otherwise].into_iter().find(|w| *w > 0.0);
-    white.unwrap_or(DEFAULT_VELOCITY_NOISE).hypot(sensor.quantisation / 12f64.sqrt())
 }
 
 fn config(

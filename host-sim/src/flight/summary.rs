@@ -1,11 +1,16 @@
 //! What a run says: of the filter's consistency, of the noise, of the gyros, and of the truth where it is known.
+use schuler_core::compensation::TermStatus;
+use schuler_core::health::{self, Estimate, HealthStatus, Suspect};
 use schuler_core::identification::{ChannelStatus, NoiseEstimate};
 use schuler_core::isolation::{IsolationFlags, Verdict};
 use schuler_core::module::{GYROS, Status, StepOutput};
+use schuler_core::reading::Quality;
+use schuler_core::thermal::{CompensationStatus, ThermalStatus};
 use serde::Serialize;
 
 use super::Flown;
-use super::outputs::STATES;
+use super::outputs::{STATES, corrected};
+use super::sensors::Place;
 use super::truth::LoopTruth;
 use crate::statistics::{LjungBox, MeanTest, ljung_box, nis_mean};
 
@@ -35,6 +40,15 @@ pub struct Summary {
     /// The gyros, where there were five.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gyros: Option<BlockSummary>,
+    /// The thermometers.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub thermometers: Vec<ThermometerSummary>,
+    /// The compensation, where a block was loaded.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub compensation: Option<CompensationSummary>,
+    /// The health monitor, where there were a radio and an inertial velocity.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub health: Option<HealthSummary>,
     /// Against the truth, where it is known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub truth: Option<TruthSummary>,
@@ -140,6 +154,91 @@ pub struct VerdictChange {
     pub gyro: Option<String>,
 }
 
+/// A thermometer.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ThermometerSummary {
+    /// Its column.
+    pub column: String,
+    /// Quantum that was flown, degC.
+    pub quantum: f64,
+    /// Share of the steps whose reading was used.
+    pub used_share: f64,
+    /// Share of the steps whose rate came from the filter of all readings, for the noise spans levels.
+    pub dither_share: f64,
+    /// Times it started anew.
+    pub restarts: usize,
+    /// Time from which the rate is settled, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub settled_s: Option<f64>,
+    /// Least and greatest temperature, degC.
+    pub temperature: [f64; 2],
+    /// Least and greatest settled rate, degC/s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rate: Option<[f64; 2]>,
+}
+
+/// The compensation.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CompensationSummary {
+    /// Checksum of the block.
+    pub checksum: String,
+    /// Steps in which something that it needs was not known.
+    pub inputs_missing: usize,
+    /// Steps outside the range for which it holds.
+    pub out_of_range: usize,
+    /// Steps in which a correction was held at its limit.
+    pub limited: usize,
+    /// Sensor by sensor.
+    pub sensors: Vec<CorrectedSensor>,
+    /// Root mean square of what was taken off the velocity error as error of its measurement, m/s.
+    pub velocity: f64,
+    /// Root mean square of the known errors in the Schuler loop: accelerometer, m/s², and gyro, rad/s.
+    pub loop_errors: [f64; 2],
+}
+
+/// What was taken off a sensor.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CorrectedSensor {
+    /// The sensor.
+    pub sensor: String,
+    /// `rad/s` or `m/s^2`.
+    pub unit: &'static str,
+    /// Mean correction.
+    pub mean: f64,
+    /// Standard deviation of the corrections.
+    pub deviation: f64,
+}
+
+/// The health monitor.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct HealthSummary {
+    /// Changes of the verdict.
+    pub verdicts: Vec<HealthChange>,
+    /// Share of the steps with each verdict, where there is one.
+    pub shares: Vec<(&'static str, f64)>,
+    /// Steps with both readings.
+    pub residuals: usize,
+    /// Residuals beyond every mode.
+    pub out_of_model: usize,
+    /// Starts from the priors after a gap that is too long.
+    pub restarts: usize,
+    /// Error of the radio at the end and its standard deviation, m/s.
+    pub radio_error: [f64; 2],
+    /// Error of the inertial velocity at the end and its standard deviation, m/s.
+    pub inertial_error: [f64; 2],
+}
+
+/// A change of the health monitor's verdict.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct HealthChange {
+    /// When, s.
+    pub time_s: f64,
+    /// As in the table of verdicts.
+    pub verdict: &'static str,
+    /// `neither`, `radio`, `inertial` or `either`.
+    pub suspect: &'static str,
+}
+
 /// Against the truth.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TruthSummary {
@@ -190,6 +289,11 @@ impl Summary {
                 .map(filter),
             identification: if has_velocity { identification(flown) } else { None },
             gyros: channel.gyros.as_ref().map(|ids| block(flown, ids)),
+            thermometers: (channel.thermometers.iter().enumerate())
+                .map(|(index, column)| thermometer(flown, index, column))
+                .collect(),
+            compensation: channel.compensation.as_deref().map(|bytes| compensation(flown, bytes)),
+            health: channel.has_health.then(|| health(flown)),
             truth: truth.filter(|_| has_velocity).map(|truth| against(flown, truth, from)),
         }
     }
@@ -320,6 +424,135 @@ fn block(flown: &Flown, ids: &[String; GYROS]) -> BlockSummary {
         excluded,
         fault_size: sized.then_some(last.fault_size),
         fault_sigma: sized.then_some(last.fault_sigma),
+    }
+}
+
+fn thermometer(flown: &Flown, index: usize, column: &str) -> ThermometerSummary {
+    let outputs: Vec<_> = flown.outputs.iter().filter_map(|o| o.thermometers.get(index)).collect();
+    let is = |flag: ThermalStatus| outputs.iter().filter(|o| o.status.contains(flag)).count();
+    let share = |count: usize| count as f64 / outputs.len().max(1) as f64;
+    let settled =
+        |status: ThermalStatus| !status.intersects(ThermalStatus::NO_READING | ThermalStatus::SETTLING);
+    let extremes = |values: &mut dyn Iterator<Item = f64>| {
+        values.fold(None, |ends: Option<[f64; 2]>, value| {
+            let [low, high] = ends.unwrap_or([value; 2]);
+            Some([low.min(value), high.max(value)])
+        })
+    };
+    let mut temperatures = outputs
+        .iter()
+        .filter(|o| !o.status.contains(ThermalStatus::NO_READING))
+        .map(|o| f64::from(o.temperature));
+    let mut rates = outputs.iter().filter(|o| settled(o.status)).map(|o| f64::from(o.rate));
+    let config = flown.channel.config.thermometers.get(index).copied().flatten();
+    ThermometerSummary {
+        column: column.to_owned(),
+        quantum: config.map_or(f64::NAN, |it| f64::from(it.quantum)),
+        used_share: 1.0 - share(is(ThermalStatus::REJECTED)),
+        dither_share: share(is(ThermalStatus::DITHER)),
+        restarts: is(ThermalStatus::RESTARTED),
+        settled_s: (flown.channel.time_s.iter().zip(&outputs))
+            .find(|(_, o)| settled(o.status))
+            .map(|(t, _)| *t),
+        temperature: extremes(&mut temperatures).unwrap_or([f64::NAN; 2]),
+        rate: extremes(&mut rates),
+    }
+}
+
+fn compensation(flown: &Flown, bytes: &[u8]) -> CompensationSummary {
+    let outputs = &flown.outputs;
+    let is = |terms: TermStatus, calibration: CompensationStatus| {
+        outputs
+            .iter()
+            .map(|o| &o.compensation)
+            .filter(|it| it.terms.intersects(terms) || it.calibration.intersects(calibration))
+            .count()
+    };
+    let rms = |of: &dyn Fn(&StepOutput) -> f32| {
+        let sum: f64 = outputs.iter().map(|o| f64::from(of(o)).powi(2)).sum();
+        (sum / outputs.len().max(1) as f64).sqrt()
+    };
+    let sensors = flown.channel.sensors.iter().map(|(id, place)| {
+        let taken: Vec<f64> = (flown.channel.inputs.iter().zip(outputs))
+            .filter_map(|(input, output)| {
+                let reading = match place {
+                    Place::Gyro(k) => input.gyros.get(*k)?,
+                    Place::Accelerometer(k) => input.accelerometers.get(*k)?,
+                };
+                (reading.quality == Quality::Good).then(|| reading.value - corrected(output, *place))
+            })
+            .collect();
+        let n = taken.len().max(1) as f64;
+        let mean = taken.iter().sum::<f64>() / n;
+        CorrectedSensor {
+            sensor: id.clone(),
+            unit: if matches!(place, Place::Gyro(_)) { "rad/s" } else { "m/s^2" },
+            mean,
+            deviation: (taken.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / n).sqrt(),
+        }
+    });
+    let checksum = bytes.last_chunk().map_or(0, |last| u32::from_le_bytes(*last));
+    let unknown = CompensationStatus::NO_TEMPERATURE | CompensationStatus::NO_RATE;
+    CompensationSummary {
+        checksum: format!("{checksum:08x}"),
+        inputs_missing: is(TermStatus::INPUT_MISSING, unknown),
+        out_of_range: is(TermStatus::OUT_OF_RANGE, CompensationStatus::OUT_OF_RANGE),
+        limited: is(TermStatus::LIMITED, CompensationStatus::empty()),
+        sensors: sensors.collect(),
+        velocity: rms(&|o| o.compensation.velocity),
+        loop_errors: [rms(&|o| o.compensation.loop_errors[0]), rms(&|o| o.compensation.loop_errors[1])],
+    }
+}
+
+/// Name of a verdict of the health monitor.
+pub fn health_name(verdict: health::Verdict) -> &'static str {
+    match verdict {
+        health::Verdict::Unobserved => "unobserved",
+        health::Verdict::Nominal => "nominal",
+        health::Verdict::ShiftedMean => "shifted_mean",
+        health::Verdict::GrownNoise => "grown_noise",
+        health::Verdict::ShiftedMeanAndGrownNoise => "shifted_mean_and_grown_noise",
+        health::Verdict::UndecidedFault => "undecided_fault",
+        health::Verdict::InertialDivergence => "inertial_divergence",
+        health::Verdict::OutOfModel => "out_of_model",
+    }
+}
+
+fn health(flown: &Flown) -> HealthSummary {
+    let outputs: Vec<_> = flown.outputs.iter().map(|o| &o.health).collect();
+    let is = |flag: HealthStatus| outputs.iter().filter(|o| o.status.contains(flag)).count();
+    let unusable = HealthStatus::RADIO_UNUSABLE | HealthStatus::INERTIAL_UNUSABLE;
+    let mut verdicts: Vec<HealthChange> = Vec::new();
+    let mut shares: Vec<(&'static str, f64)> = Vec::new();
+    let mut before = None;
+    for (time_s, output) in flown.channel.time_s.iter().zip(&outputs) {
+        let verdict = health_name(output.verdict);
+        let suspect = match output.suspect {
+            Suspect::Neither => "neither",
+            Suspect::Radio => "radio",
+            Suspect::Inertial => "inertial",
+            Suspect::Either => "either",
+        };
+        if before != Some((verdict, suspect)) && verdicts.len() < MOST_EVENTS {
+            verdicts.push(HealthChange { time_s: *time_s, verdict, suspect });
+        }
+        before = Some((verdict, suspect));
+        let share = 1.0 / outputs.len() as f64;
+        match shares.iter_mut().find(|(name, _)| *name == verdict) {
+            Some((_, sum)) => *sum += share,
+            None => shares.push((verdict, share)),
+        }
+    }
+    let last = outputs.last().map(|o| **o).unwrap_or_default();
+    let estimate = |it: Estimate<f32>| [f64::from(it.value), f64::from(it.sigma)];
+    HealthSummary {
+        verdicts,
+        shares,
+        residuals: outputs.iter().filter(|o| !o.status.intersects(unusable)).count(),
+        out_of_model: is(HealthStatus::OUT_OF_MODEL),
+        restarts: is(HealthStatus::RESTARTED),
+        radio_error: estimate(last.radio_error),
+        inertial_error: estimate(last.inertial_error),
     }
 }
 

@@ -164,6 +164,7 @@ impl Environment {
             magnetic_field: self.magnetic_field(attitude),
             vibration: self.design.vibration_direction.normalize() * amplitude,
             vibration_hz: self.design.vibration_hz,
+            parasitic: 0.0,
         }
     }
 }

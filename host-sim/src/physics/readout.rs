@@ -19,6 +19,8 @@ pub struct Surroundings {
     pub vibration: nalgebra::Vector3<f64>,
     /// Its frequency, Hz.
     pub vibration_hz: f64,
+    /// What else finds its way into the output, in the output's unit; see [`super::parasite`].
+    pub parasitic: f64,
 }
 
 /// Temperature at which every parameter holds, °C.
@@ -36,6 +38,7 @@ impl Default for Surroundings {
             magnetic_field: nalgebra::Vector3::zeros(),
             vibration: nalgebra::Vector3::zeros(),
             vibration_hz: 0.0,
+            parasitic: 0.0,
         }
     }
 }
@@ -61,6 +64,8 @@ pub struct ReadoutDesign {
     pub offset_temperature: f64,
     /// Its dependence on the supply voltage, per V.
     pub offset_voltage: f64,
+    /// Magnitude below which nothing passes.
+    pub threshold: f64,
     /// White noise, output unit per √Hz.
     pub white: f64,
     /// Random drift.
@@ -99,8 +104,11 @@ impl Readout {
         let d = &self.design;
         let offset = d.offset
             + d.offset_temperature * (around.electronics - REFERENCE_TEMPERATURE)
-            + d.offset_voltage * (around.voltage - REFERENCE_VOLTAGE);
-        let noisy = output + offset + d.white / step_s.sqrt() * self.white.normal();
+            + d.offset_voltage * (around.voltage - REFERENCE_VOLTAGE)
+            + around.parasitic;
+        // A threshold lets nothing through that is smaller, as static friction does.
+        let passed = if output.abs() < d.threshold { 0.0 } else { output };
+        let noisy = passed + offset + d.white / step_s.sqrt() * self.white.normal();
         let clipped = noisy.clamp(-d.range, d.range);
         match d.conversion {
             Conversion::Exact => clipped,

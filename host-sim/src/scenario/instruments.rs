@@ -14,7 +14,7 @@ use crate::physics::readout::{Conversion, Nonlinearity, ReadoutDesign};
 use crate::physics::rotor::ClosedLoop;
 
 /// Input axes of the symmetric block of five: a cone of half-angle arccos 1/√3, FDI §2.
-const CONE: [[f64; 3]; 5] = [
+pub(crate) const CONE: [[f64; 3]; 5] = [
     [0.97204, 0.0, -0.23482],
     [-0.60075, -0.77653, -0.18997],
     [0.0, 0.47992, 0.87731],

@@ -42,21 +42,23 @@
 //! | `[[loop.outage]]`, `[[gap]]` | `start_s`, `duration_s` |
 //! | `[[fault]]` | `sensor`, `kind` = step, ramp, stuck, noise, dropout, gain; `size`, `onset_s`, `end_s` |
 mod fields;
-mod instruments;
+pub(crate) mod instruments;
 mod setting;
 
 use std::path::{Path, PathBuf};
 
 use schuler_recording::Error;
-use schuler_recording::case::Nominal;
+use schuler_recording::case::{Nominal, Quantity};
 use schuler_recording::document::{Node, Parsed, parse};
 use schuler_recording::unit::Unit;
 
 use crate::physics::doppler::DopplerDesign;
-use crate::physics::environment::EnvironmentDesign;
+use crate::physics::environment::{EnvironmentDesign, Profile};
 use crate::physics::fault::{Fault, TimedFault};
+use crate::physics::fog::FogDesign;
 use crate::physics::gyro::GyroDesign;
 use crate::physics::motion::{Attitude, Motion, Site};
+use crate::physics::parasite::Disturbance;
 use crate::physics::pendulum::AccelerometerDesign;
 use crate::physics::random::Process;
 
@@ -90,6 +92,8 @@ pub struct Scenario {
     pub recorded: Recorded,
     /// Gyros.
     pub gyros: Vec<GyroEntry>,
+    /// Fibre-optic gyros.
+    pub fogs: Vec<FogEntry>,
     /// Accelerometers.
     pub accelerometers: Vec<AccelerometerEntry>,
     /// Doppler beams or components.
@@ -98,6 +102,10 @@ pub struct Scenario {
     pub schuler_loop: Option<LoopEntry>,
     /// Faults.
     pub faults: Vec<FaultEntry>,
+    /// Disturbances.
+    pub parasites: Vec<ParasiteEntry>,
+    /// Outputs that are older or slower than their time says.
+    pub clocks: Vec<ClockEntry>,
     /// Rows that the recording lacks: start and length, s.
     pub gaps: Vec<(f64, f64)>,
 }
@@ -123,6 +131,8 @@ pub enum Told {
 pub struct Recorded {
     /// Thermometers.
     pub thermometers: Vec<ThermometerEntry>,
+    /// Other quantities that reach the electronics.
+    pub quantities: Vec<QuantityEntry>,
     /// Whether the supply voltage is.
     pub voltage: bool,
     /// Whether the magnetic field in body axes is.
@@ -207,6 +217,62 @@ pub struct DopplerEntry {
     pub nominal: Nominal,
 }
 
+/// A fibre-optic gyro and what the case says of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FogEntry {
+    /// Its id.
+    pub id: String,
+    /// Instrument it is part of.
+    pub group: Option<String>,
+    /// Unit of its column.
+    pub unit: Unit,
+    /// Its parts.
+    pub design: FogDesign,
+    /// Where it sits along the bar, m.
+    pub position_m: f64,
+    /// What the case believes, in `unit`.
+    pub nominal: Nominal,
+    /// Whether its column is read against an unknown constant.
+    pub relative: bool,
+}
+
+/// A disturbance and the output that it reaches.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ParasiteEntry {
+    /// Id of the output.
+    pub sensor: String,
+    /// What disturbs, in SI units.
+    pub disturbance: Disturbance,
+}
+
+/// Outputs whose instruments feel the motion late.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ClockEntry {
+    /// Ids of the outputs.
+    pub sensors: Vec<String>,
+    /// Age of what they tell, s.
+    pub delay_s: f64,
+    /// Time constant of a first-order lag, s.
+    pub lag_s: f64,
+}
+
+/// A quantity of the surroundings beside those that have a place of their own.
+#[derive(Clone, Debug, PartialEq)]
+pub struct QuantityEntry {
+    /// Its column.
+    pub column: String,
+    /// What it is.
+    pub quantity: Quantity,
+    /// Its unit.
+    pub unit: String,
+    /// The sensor it sits at.
+    pub near: Option<String>,
+    /// Its values.
+    pub profile: Profile,
+    /// Whether it is recorded.
+    pub recorded: bool,
+}
+
 /// Where a sensor error of the Schuler loop comes from.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ErrorSource {
@@ -244,6 +310,8 @@ pub struct LoopEntry {
     pub delay_s: f64,
     /// Times without reference velocity: start and length, s.
     pub outages: Vec<(f64, f64)>,
+    /// Whether the recording has the system's velocity itself instead of its difference to the reference.
+    pub absolute: bool,
     /// Which component of the vehicle's velocity the channel carries.
     pub channel: Channel,
     /// What the case believes.
@@ -387,10 +455,13 @@ fn read(node: &Node<'_>) -> Option<Scenario> {
         environment,
         recorded,
         gyros,
+        fogs: Vec::new(),
         accelerometers,
         dopplers,
         schuler_loop,
         faults: resolved,
+        parasites: Vec::new(),
+        clocks: Vec::new(),
         gaps,
     })
 }

@@ -240,6 +240,7 @@ pub(super) fn schuler_loop(fields: Fields<'_, '_>) -> LoopEntry {
         velocity_white,
         delay_s: fields.not_negative("delay_s", 0.0),
         outages: node.tables("outage", interval).unwrap_or_default(),
+        absolute: false,
         channel: channel.unwrap_or(Channel::North),
         nominal: nominal.unwrap_or(NominalLoop {
             radius_m,
@@ -263,6 +264,7 @@ pub(super) fn case(fields: Fields<'_, '_>) -> (Option<Told>, Recorded) {
     });
     let recorded = Recorded {
         thermometers: vec![],
+        quantities: vec![],
         voltage: fields.flag("voltage"),
         magnetic_field: fields.flag("magnetic_field"),
         vibration: fields.flag("vibration"),

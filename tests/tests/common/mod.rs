@@ -84,12 +84,25 @@ pub(crate) fn decode(bytes: &[u8], image: &Path) -> Vec<String> {
     }
 }
 
+/// A file in `golden`; empty where it is not there.
+pub(crate) fn golden(name: &str) -> String {
+    fs::read_to_string(golden_path(name)).unwrap_or_default()
+}
+
+/// Golden files are to be written anew.
+pub(crate) fn rewrite_golden() -> bool {
+    std::env::var("SCHULER_REWRITE_GOLDEN").is_ok_and(|value| value == "1")
+}
+
 /// Compares with a file in `golden`; `SCHULER_REWRITE_GOLDEN=1` writes it anew.
 pub(crate) fn assert_golden(name: &str, text: &str) {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("golden").join(name);
-    if std::env::var("SCHULER_REWRITE_GOLDEN").is_ok_and(|value| value == "1") {
+    let path = golden_path(name);
+    if rewrite_golden() {
         fs::write(&path, text).unwrap();
     }
-    let golden = fs::read_to_string(&path).unwrap_or_default();
-    assert_eq!(text, golden, "differs from {}; SCHULER_REWRITE_GOLDEN=1 rewrites it", path.display());
+    assert_eq!(text, golden(name), "differs from {}; SCHULER_REWRITE_GOLDEN=1 rewrites it", path.display());
+}
+
+fn golden_path(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("golden").join(name)
 }

@@ -12,10 +12,10 @@
 use nalgebra::RealField;
 use serde::{Deserialize, Serialize};
 
-use super::kernel::{Innovation, Kernel};
+use super::kernel::{Farthest, Innovation, Kernel, Restart, are_finite, at_most};
 use super::model::{DOUBLINGS, QUADRATURE, TERMS};
 use super::{FilterConfig, MarkovNoise};
-use crate::number::real;
+use crate::number::{real, select};
 
 const STATES: usize = 6;
 
@@ -226,16 +226,23 @@ impl<T: RealField + Copy> Kernel<T> for ColouredGaussian<T> {
         }
     }
 
+    #[inline]
     fn correct(&mut self, innovation: &Innovation<T>, used: bool) {
         let first = self.covariance[0];
-        let inverse = if used { innovation.variance.recip() } else { T::zero() };
-        let value = if used { innovation.value } else { T::zero() };
+        let inverse = select(used, innovation.variance.recip(), T::zero());
+        let value = select(used, innovation.value, T::zero());
         let gain = first.map(|p| p * inverse);
         for (x, k) in self.mean.iter_mut().zip(gain) {
             *x += k * value;
         }
         // Joseph form, as for four states.
-        for i in 0..STATES {
+        let left = select(used, innovation.noise * inverse, T::one());
+        for j in 0..STATES {
+            let p = first[j] * left;
+            self.covariance[0][j] = p;
+            self.covariance[j][0] = p;
+        }
+        for i in 1..STATES {
             let excess = gain[i] * innovation.variance - first[i];
             for j in i..STATES {
                 let p = self.covariance[i][j] + gain[j] * excess - gain[i] * first[j];
@@ -245,32 +252,74 @@ impl<T: RealField + Copy> Kernel<T> for ColouredGaussian<T> {
         }
     }
 
+    #[inline]
     fn is_sound(&self) -> bool {
-        let mut sum = T::zero();
-        let mut positive = true;
-        for (i, row) in self.covariance.iter().enumerate() {
-            positive = positive && row[i] > T::zero();
-            sum = row.iter().fold(sum, |sum, &x| sum + x * T::zero());
+        let mut variances = [T::zero(); STATES];
+        for (i, (variance, row)) in variances.iter_mut().zip(&self.covariance).enumerate() {
+            *variance = row[i];
         }
-        sum = self.mean.iter().fold(sum, |sum, &x| sum + x * T::zero());
-        positive && sum == T::zero()
+        let finite = are_finite(self.mean.iter().chain(&variances));
+        variances.iter().fold(finite, |sound, &p| sound & (p > T::zero()))
     }
 
-    fn spread_out(&self, velocity: T, velocity_sigma: T, factor: T, most: [T; 4]) -> Self {
-        let most = [most[0], most[1], most[2], most[2], most[3], most[3]];
-        let mut spread = Self { mean: self.mean, covariance: [[T::zero(); STATES]; STATES] };
-        for i in 1..STATES {
-            let sigma = (self.covariance[i][i].sqrt() * factor).min(most[i]);
-            spread.covariance[i][i] = sigma * sigma;
-            spread.mean[i] = self.mean[i].min(most[i]).max(-most[i]);
-        }
-        spread.mean[0] = velocity;
-        spread.covariance[0][0] = velocity_sigma * velocity_sigma;
-        spread
-    }
+    #[inline]
+    fn restart_if(&mut self, restart: &Restart<T>, prior: &Self, most: &Farthest<T>) {
+        let mean = |own: T, prior: T, most: T| {
+            let start = select(own.abs() <= most, own, prior);
+            select(restart.condition, start, own)
+        };
+        let variance = |own: T, prior: T, most: T| {
+            let start = select(restart.variance_of_prior, prior, at_most(own * restart.factor, most));
+            select(restart.condition, start, own)
+        };
+        let correlation = |own: T| select(restart.condition, T::zero(), own);
 
-    fn with_mean_of(&self, other: &Self) -> Self {
-        Self { mean: other.mean, covariance: self.covariance }
+        // Written out: of a loop over a condition the compiler makes two, one of them shorter.
+        let [_, d, a, b, w, x] = self.mean;
+        let [_, prior_d, prior_a, prior_b, prior_w, prior_x] = prior.mean;
+        let [_, most_d, most_a, most_w] = most.mean;
+        self.mean = [
+            restart.velocity,
+            mean(d, prior_d, most_d),
+            mean(a, prior_a, most_a),
+            mean(b, prior_b, most_a),
+            mean(w, prior_w, most_w),
+            mean(x, prior_x, most_w),
+        ];
+        let [
+            [vv, vd, va, vb, vw, vx],
+            [_, dd, da, db, dw, dx],
+            [_, _, aa, ab, aw, ax],
+            [_, _, _, bb, bw, bx],
+            [_, _, _, _, ww, wx],
+            [.., xx],
+        ] = self.covariance;
+        let [
+            _,
+            [_, prior_d, ..],
+            [_, _, prior_a, ..],
+            [_, _, _, prior_b, ..],
+            [.., prior_w, _],
+            [.., prior_x],
+        ] = prior.covariance;
+        let [_, most_d, most_a, most_w] = most.variance;
+        let vv = select(restart.condition, restart.velocity_variance, vv);
+        let [vd, va, vb, vw, vx] =
+            [correlation(vd), correlation(va), correlation(vb), correlation(vw), correlation(vx)];
+        let [da, db, dw, dx] = [correlation(da), correlation(db), correlation(dw), correlation(dx)];
+        let [ab, aw, ax] = [correlation(ab), correlation(aw), correlation(ax)];
+        let [bw, bx, wx] = [correlation(bw), correlation(bx), correlation(wx)];
+        let dd = variance(dd, prior_d, most_d);
+        let (aa, bb) = (variance(aa, prior_a, most_a), variance(bb, prior_b, most_a));
+        let (ww, xx) = (variance(ww, prior_w, most_w), variance(xx, prior_x, most_w));
+        self.covariance = [
+            [vv, vd, va, vb, vw, vx],
+            [vd, dd, da, db, dw, dx],
+            [va, da, aa, ab, aw, ax],
+            [vb, db, ab, bb, bw, bx],
+            [vw, dw, aw, bw, ww, wx],
+            [vx, dx, ax, bx, wx, xx],
+        ];
     }
 }
 

@@ -5,7 +5,8 @@
 use nalgebra::RealField;
 
 use super::DiscreteModel;
-use super::kernel::{Innovation, Kernel};
+use super::kernel::{Farthest, Innovation, Kernel, Restart, are_finite, at_most};
+use crate::number::select;
 
 /// A Gaussian over [ΔV, δ, a, ω].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,31 +41,39 @@ impl<T: RealField + Copy> Kernel<T> for Gaussian<T> {
         [self.covariance[0], self.covariance[4], self.covariance[7], self.covariance[9]]
     }
 
-    /// x ← Φx, P ← ΦPΦᵀ + Q, with Φ's zeros left out. [FIL-6]
+    /// x ← Φx, P ← ΦPΦᵀ + Q. [FIL-6]
+    ///
+    /// With Φ = [A B; 0 D] and P = [L C; Cᵀ S], all of them 2×2, D diagonal, and N = AC + BS:
+    /// ΦPΦᵀ = [ALAᵀ + NBᵀ + B(AC)ᵀ, ND; ·, DSD].
     #[inline]
     fn predict(&mut self, model: &DiscreteModel<T>) {
         let [v, d, a, w] = self.mean;
-        let dot = |row: &[T; 4], x: [T; 4]| row[0] * x[0] + row[1] * x[1] + row[2] * x[2] + row[3] * x[3];
-        let (rv, rd, [fa, fw]) = (&model.velocity, &model.vertical, model.decay);
-        self.mean = [dot(rv, [v, d, a, w]), dot(rd, [v, d, a, w]), fa * a, fw * w];
+        let ([a11, a12, b11, b12], [a21, a22, b21, b22]) = (model.velocity, model.vertical);
+        let [da, dw] = model.decay;
+        self.mean =
+            [a11 * v + a12 * d + b11 * a + b12 * w, a21 * v + a22 * d + b21 * a + b22 * w, da * a, dw * w];
 
-        let [vv, vd, va, vw, dd, da, dw, aa, aw, ww] = self.covariance;
-        // Columns of P, and the rows ΔV and δ of ΦP.
-        let columns = [[vv, vd, va, vw], [vd, dd, da, dw], [va, da, aa, aw], [vw, dw, aw, ww]];
-        let mv = columns.map(|column| dot(rv, column));
-        let md = columns.map(|column| dot(rd, column));
+        let [l11, l12, c11, c12, l22, c21, c22, s11, s12, s22] = self.covariance;
         let q = &model.noise;
+        // AC, N = AC + BS, and N + AC for the diagonal.
+        let (g11, g12) = (a11 * c11 + a12 * c21, a11 * c12 + a12 * c22);
+        let (g21, g22) = (a21 * c11 + a22 * c21, a21 * c12 + a22 * c22);
+        let (n11, n12) = (g11 + b11 * s11 + b12 * s12, g12 + b11 * s12 + b12 * s22);
+        let (n21, n22) = (g21 + b21 * s11 + b22 * s12, g22 + b21 * s12 + b22 * s22);
+        // AL.
+        let (t11, t12) = (a11 * l11 + a12 * l12, a11 * l12 + a12 * l22);
+        let (t21, t22) = (a21 * l11 + a22 * l12, a21 * l12 + a22 * l22);
         self.covariance = [
-            dot(rv, mv) + q[0],
-            dot(rd, mv) + q[1],
-            fa * mv[2] + q[2],
-            fw * mv[3] + q[3],
-            dot(rd, md) + q[4],
-            fa * md[2] + q[5],
-            fw * md[3] + q[6],
-            fa * fa * aa + q[7],
-            fa * fw * aw + q[8],
-            fw * fw * ww + q[9],
+            q[0] + t11 * a11 + t12 * a12 + (n11 + g11) * b11 + (n12 + g12) * b12,
+            q[1] + t11 * a21 + t12 * a22 + n11 * b21 + n12 * b22 + g21 * b11 + g22 * b12,
+            q[2] + n11 * da,
+            q[3] + n12 * dw,
+            q[4] + t21 * a21 + t22 * a22 + (n21 + g21) * b21 + (n22 + g22) * b22,
+            q[5] + n21 * da,
+            q[6] + n22 * dw,
+            q[7] + da * da * s11,
+            q[8] + da * dw * s12,
+            q[9] + dw * dw * s22,
         ];
     }
 
@@ -72,50 +81,68 @@ impl<T: RealField + Copy> Kernel<T> for Gaussian<T> {
     /// the gain, and carrying it is what keeps P symmetric and positive. [FIL-5] [FIL-6]
     #[inline]
     fn correct(&mut self, innovation: &Innovation<T>, used: bool) {
-        let [vv, vd, va, vw, ..] = self.covariance;
-        let first = [vv, vd, va, vw];
-        let inverse = if used { innovation.variance.recip() } else { T::zero() };
-        let value = if used { innovation.value } else { T::zero() };
-        let gain = first.map(|p| p * inverse);
-        for (x, k) in self.mean.iter_mut().zip(gain) {
-            *x += k * value;
-        }
         let s = innovation.variance;
-        let excess = [gain[0] * s - vv, gain[1] * s - vd, gain[2] * s - va, gain[3] * s - vw];
-        let p = &mut self.covariance;
-        p[0] += gain[0] * (excess[0] - vv);
-        p[1] += gain[1] * excess[0] - gain[0] * vd;
-        p[2] += gain[2] * excess[0] - gain[0] * va;
-        p[3] += gain[3] * excess[0] - gain[0] * vw;
-        p[4] += gain[1] * (excess[1] - vd);
-        p[5] += gain[2] * excess[1] - gain[1] * va;
-        p[6] += gain[3] * excess[1] - gain[1] * vw;
-        p[7] += gain[2] * (excess[2] - va);
-        p[8] += gain[3] * excess[2] - gain[2] * vw;
-        p[9] += gain[3] * (excess[3] - vw);
+        let inverse = select(used, s.recip(), T::zero());
+        let value = select(used, innovation.value, T::zero());
+        let [vv, vd, va, vw, dd, da, dw, aa, aw, ww] = self.covariance;
+        let [kv, kd, ka, kw] = [vv * inverse, vd * inverse, va * inverse, vw * inverse];
+        let [v, d, a, w] = self.mean;
+        self.mean = [v + kv * value, d + kd * value, a + ka * value, w + kw * value];
+        // What is left of the velocity's row: r²/S.
+        let left = select(used, innovation.noise * inverse, T::one());
+        let [ed, ea, ew] = [kd * s - vd, ka * s - va, kw * s - vw];
+        self.covariance = [
+            vv * left,
+            vd * left,
+            va * left,
+            vw * left,
+            dd + kd * (ed - vd),
+            da + ka * ed - kd * va,
+            dw + kw * ed - kd * vw,
+            aa + ka * (ea - va),
+            aw + kw * ea - ka * vw,
+            ww + kw * (ew - vw),
+        ];
     }
 
-    /// Every variance is positive and everything is finite.
     #[inline]
     fn is_sound(&self) -> bool {
-        let positive = self.variances().iter().all(|&p| p > T::zero());
-        let sum = self.mean.iter().chain(&self.covariance).fold(T::zero(), |sum, &x| sum + x * T::zero());
-        positive && sum == T::zero()
-    }
-
-    fn spread_out(&self, velocity: T, velocity_sigma: T, factor: T, most: [T; 4]) -> Self {
         let variances = self.variances();
-        let mut spread = [velocity_sigma; 4];
-        let mut mean = self.mean;
-        for i in 1..4 {
-            spread[i] = (variances[i].sqrt() * factor).min(most[i]);
-            mean[i] = mean[i].min(most[i]).max(-most[i]);
-        }
-        mean[0] = velocity;
-        Self::independent(mean, spread)
+        let finite = are_finite(self.mean.iter().chain(&variances));
+        variances.iter().fold(finite, |sound, &p| sound & (p > T::zero()))
     }
 
-    fn with_mean_of(&self, other: &Self) -> Self {
-        Self { mean: other.mean, covariance: self.covariance }
+    #[inline]
+    fn restart_if(&mut self, restart: &Restart<T>, prior: &Self, most: &Farthest<T>) {
+        let mean = |own: T, prior: T, most: T| {
+            let start = select(own.abs() <= most, own, prior);
+            select(restart.condition, start, own)
+        };
+        let variance = |own: T, prior: T, most: T| {
+            let start = select(restart.variance_of_prior, prior, at_most(own * restart.factor, most));
+            select(restart.condition, start, own)
+        };
+        let correlation = |own: T| select(restart.condition, T::zero(), own);
+
+        let [_, d, a, w] = self.mean;
+        let [_, prior_d, prior_a, prior_w] = prior.mean;
+        let [_, most_d, most_a, most_w] = most.mean;
+        self.mean =
+            [restart.velocity, mean(d, prior_d, most_d), mean(a, prior_a, most_a), mean(w, prior_w, most_w)];
+        let [vv, vd, va, vw, dd, da, dw, aa, aw, ww] = self.covariance;
+        let [_, prior_d, prior_a, prior_w] = prior.variances();
+        let [_, most_d, most_a, most_w] = most.variance;
+        self.covariance = [
+            select(restart.condition, restart.velocity_variance, vv),
+            correlation(vd),
+            correlation(va),
+            correlation(vw),
+            variance(dd, prior_d, most_d),
+            correlation(da),
+            correlation(dw),
+            variance(aa, prior_a, most_a),
+            correlation(aw),
+            variance(ww, prior_w, most_w),
+        ];
     }
 }

@@ -4,7 +4,7 @@ use core::fmt::Debug;
 
 use nalgebra::RealField;
 
-use crate::number::real;
+use crate::number::{real, select};
 
 /// What a measurement said that the prediction did not.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -13,6 +13,8 @@ pub struct Innovation<T> {
     pub value: T,
     /// S = H P⁻ Hᵀ + r², (m/s)².
     pub variance: T,
+    /// r², (m/s)².
+    pub noise: T,
 }
 
 impl<T: RealField + Copy> Innovation<T> {
@@ -32,7 +34,7 @@ impl<T: RealField + Copy> Innovation<T> {
 /// Mean and covariance of a state whose first component is the measured velocity error.
 ///
 /// Never panics; the work of every method is the same whatever the numbers.
-pub trait Kernel<T: RealField + Copy>: Copy + Debug {
+pub trait Kernel<T: RealField + Copy>: Copy + Debug + Sized {
     /// What carries it over a step.
     type Model: Copy + Debug;
 
@@ -48,24 +50,69 @@ pub trait Kernel<T: RealField + Copy>: Copy + Debug {
     /// What a velocity with noise variance `variance` would say.
     #[inline]
     fn innovation(&self, velocity: T, variance: T) -> Innovation<T> {
-        Innovation { value: velocity - self.mean()[0], variance: self.variances()[0] + variance }
+        Innovation {
+            value: velocity - self.mean()[0],
+            variance: self.variances()[0] + variance,
+            noise: variance,
+        }
     }
 
-    /// Corrects by an innovation, in the Joseph form (I − KH) P (I − KH)ᵀ + K r² Kᵀ.
+    /// Corrects by an innovation, in the Joseph form (I − KH) P (I − KH)ᵀ + K r² Kᵀ. Its first row is r² Kᵀ, which is
+    /// formed as such: nothing cancels there.
     ///
     /// `used` = false leaves mean and covariance as they are, with the same work.
     fn correct(&mut self, innovation: &Innovation<T>, used: bool);
 
-    /// Every variance is positive and everything is finite.
+    /// Every mean is finite, every variance finite and positive. A covariance that is not finite anywhere else has no
+    /// finite variance of ΔV one prediction later.
     fn is_sound(&self) -> bool;
 
-    /// The same mean but for the velocity, without correlations and with the standard deviations of the other
-    /// states multiplied. Neither their means nor their standard deviations go beyond `most` ([ΔV, δ, a, ω], that
-    /// of ΔV is not used): far from there the model says nothing, and single precision fails.
-    #[must_use]
-    fn spread_out(&self, velocity: T, velocity_sigma: T, factor: T, most: [T; 4]) -> Self;
+    /// Starts again where `restart` says so; with the same work where it does not.
+    fn restart_if(&mut self, restart: &Restart<T>, prior: &Self, most: &Farthest<T>);
+}
 
-    /// This covariance about another's mean.
-    #[must_use]
-    fn with_mean_of(&self, other: &Self) -> Self;
+/// Whether, and from what, a filter starts again: without correlations, from its own means and its own variances
+/// multiplied. A mean farther away than the limit says nothing and gives way to the prior's; variances end at the limit,
+/// where single precision fails.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Restart<T> {
+    /// Whether.
+    pub condition: bool,
+    /// Velocity error from now on, m/s, whether or not the filter starts again.
+    pub velocity: T,
+    /// Its variance where the filter starts again, (m/s)².
+    pub velocity_variance: T,
+    /// What the other variances are multiplied by.
+    pub factor: T,
+    /// The other variances are the prior's.
+    pub variance_of_prior: bool,
+}
+
+/// How far [ΔV, δ, a, ω] may be from zero, and how large their variances, when a filter starts again; ΔV may be
+/// anywhere.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Farthest<T> {
+    pub(super) mean: [T; 4],
+    pub(super) variance: [T; 4],
+}
+
+impl<T: RealField + Copy> Farthest<T> {
+    /// So many times the standard deviations of a prior.
+    pub fn of<K: Kernel<T>>(prior: &K, times: T) -> Self {
+        let variance = prior.variances().map(|p| p * (times * times));
+        Self { mean: variance.map(T::sqrt), variance }
+    }
+}
+
+/// Every number is finite: zero times any other number is none. Fewer instructions than looking at each.
+#[inline]
+pub(super) fn are_finite<'a, T: RealField + Copy>(values: impl Iterator<Item = &'a T>) -> bool {
+    let zeros = values.map(|&x| x * T::zero()).reduce(|sum, zero| sum + zero);
+    zeros.is_none_or(|sum| sum == T::zero())
+}
+
+/// The value, or what it may be at most.
+#[inline]
+pub(super) fn at_most<T: RealField + Copy>(value: T, most: T) -> T {
+    select(value < most, value, most)
 }

@@ -16,11 +16,12 @@ mod model;
 
 pub use coloured::{ColouredGaussian, ColouredModel, ColouredNoise};
 pub use gaussian::Gaussian;
-pub use kernel::{Innovation, Kernel};
+pub use kernel::{Farthest, Innovation, Kernel, Restart};
 pub use model::DiscreteModel;
 
 use crate::config::{ConfigError, Problem};
-use crate::number::real;
+use crate::number::{real, select};
+use kernel::are_finite;
 
 /// A first-order Markov process: R(t) = σ² exp(−|t|/τ) [FIL-7].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -159,6 +160,7 @@ pub struct ErrorFilter<T: RealField + Copy, K: Kernel<T> = Gaussian<T>> {
     state: K,
     /// Where a reset goes back to.
     prior: K,
+    farthest: Farthest<T>,
     measurement_variance: T,
     gate_squared: T,
     gated_in_a_row: u32,
@@ -183,6 +185,7 @@ impl<T: RealField + Copy, K: Kernel<T>> ErrorFilter<T, K> {
             model,
             state: prior,
             prior,
+            farthest: Farthest::of(&prior, real(FARTHEST)),
             measurement_variance: config.velocity_noise * config.velocity_noise,
             gate_squared: config.gate_sigma * config.gate_sigma,
             gated_in_a_row: 0,
@@ -200,23 +203,24 @@ impl<T: RealField + Copy, K: Kernel<T>> ErrorFilter<T, K> {
         let value = innovation.value;
         let inside = value * value <= self.gate_squared * innovation.variance;
         let present = velocity_error.is_some();
-        self.state.correct(&innovation, present && inside);
-        let gated = present && !inside;
+        self.state.correct(&innovation, present & inside);
+        let gated = present & !inside;
         let in_a_row = self.gated_in_a_row + u32::from(gated);
-        let reacquired = gated && in_a_row >= GATED_IN_A_ROW && velocity.is_finite();
-        self.gated_in_a_row = if reacquired || (present && inside) { 0 } else { in_a_row };
-        if reacquired {
-            self.reacquire(velocity);
-        }
+        let reacquired = gated & (in_a_row >= GATED_IN_A_ROW) & are_finite([&velocity].into_iter());
+        self.gated_in_a_row = select(reacquired | (present & inside), 0, in_a_row);
+
+        // A fresh start is made in every step and taken in few, so that all steps are the same work. What is not sound
+        // goes back to the prior.
         let reset = !self.state.is_sound();
-        if reset {
-            let mean = self.state.mean();
-            let kept = self.prior.with_mean_of(&self.state);
-            let sigma = self.prior.variances()[0].sqrt();
-            let finite = mean.iter().all(ComplexField::is_finite);
-            self.state =
-                if finite { kept.spread_out(mean[0], sigma, T::one(), self.most()) } else { self.prior };
-        }
+        let (own, prior) = (self.state.mean()[0], self.prior.mean()[0]);
+        let restart = Restart {
+            condition: reacquired | reset,
+            velocity: select(reacquired, velocity, select(are_finite([&own].into_iter()), own, prior)),
+            velocity_variance: select(reset, self.prior.variances()[0], self.measurement_variance),
+            factor: real(REACQUISITION * REACQUISITION),
+            variance_of_prior: reset,
+        };
+        self.state.restart_if(&restart, &self.prior, &self.farthest);
         FilterStep { innovation, gated, reacquired, reset }
     }
 
@@ -227,19 +231,21 @@ impl<T: RealField + Copy, K: Kernel<T>> ErrorFilter<T, K> {
 
     /// Starts from a velocity error (m/s), with everything else as it is but ten times as uncertain.
     pub fn reacquire(&mut self, velocity_error: T) {
-        let sigma = self.measurement_variance.sqrt();
-        self.state = self.state.spread_out(velocity_error, sigma, real(REACQUISITION), self.most());
-    }
-
-    /// How far the states may be from zero, and how uncertain, when the filter starts again.
-    fn most(&self) -> [T; 4] {
-        self.prior.variances().map(|p| p.sqrt() * real(FARTHEST))
+        let restart = Restart {
+            condition: true,
+            velocity: velocity_error,
+            velocity_variance: self.measurement_variance,
+            factor: real(REACQUISITION * REACQUISITION),
+            variance_of_prior: false,
+        };
+        self.state.restart_if(&restart, &self.prior, &self.farthest);
     }
 
     /// Takes a new model and the prior that goes with it; the state stays.
     pub fn retune(&mut self, model: K::Model, prior: K) {
         self.model = model;
         self.prior = prior;
+        self.farthest = Farthest::of(&prior, real(FARTHEST));
     }
 
     /// Takes a state that was computed elsewhere, such as by a replay with other noise parameters.

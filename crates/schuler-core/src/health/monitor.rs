@@ -4,10 +4,11 @@ use nalgebra::{RealField, convert};
 use super::conditional::Conditional;
 use super::config::{AlarmThresholds, HealthConfig};
 use super::output::{Estimate, HealthOutput, HealthStatus};
-use super::recursion::Recursion;
+use super::recursion::{Evidence, Recursion};
 use super::span::{MAX_SPAN_STEPS, SpanLadder};
 use super::verdict::{Findings, HealthAlarms};
 use crate::config::ConfigError;
+use crate::number::select;
 use crate::reading::{Quality, Reading};
 
 /// One residual out of the model is an outlier, this many in a row are a fault.
@@ -98,24 +99,20 @@ impl<T: RealField + Copy, const LEVELS: usize> HealthMonitor<T, LEVELS> {
 
         state.silence = state.silence.saturating_add(elapsed);
         let restarted = state.started && state.silence > self.bridged_steps;
-        if restarted {
-            state.recursion = self.priors;
-            state.started = false;
-        }
-        let span = self.ladder.span(if state.started { state.silence } else { 0 });
-        let (mut now, evidence) = state.recursion.after(&span, residual, present);
-        let sound = now.is_sound();
-        if !sound {
-            now = self.priors;
-            state.recursion = self.priors;
-            state.started = false;
-        }
-        if present && sound && !evidence.out_of_model {
-            state.recursion = now;
-            state.started = true;
-            state.silence = 0;
-            state.rejected = 0;
-        }
+        let before = *select(restarted, &self.priors, &state.recursion);
+        state.started &= !restarted;
+        let span = self.ladder.span(select(state.started, state.silence, 0));
+        let (after, evidence) = before.after(&span, residual, present);
+        let told = [evidence.innovation, evidence.variance, evidence.log_likelihood];
+        let sound = told.iter().fold(after.is_sound(), |sound, number| sound & number.is_finite());
+        // What came of numbers that are not sound says nothing.
+        let evidence = *select(sound, &evidence, &Evidence::none());
+        let now = *select(sound, &after, &self.priors);
+        let used = present & sound & !evidence.out_of_model;
+        state.recursion = *select(used | !sound, &now, &before);
+        state.started = used | (state.started & sound);
+        state.silence = select(used, 0, state.silence);
+        state.rejected = select(used, 0, state.rejected);
         state.rejected = state.rejected.saturating_add(u32::from(evidence.out_of_model));
 
         let mut status = HealthStatus::empty();
@@ -127,7 +124,8 @@ impl<T: RealField + Copy, const LEVELS: usize> HealthMonitor<T, LEVELS> {
         status.set(HealthStatus::RESTARTED, restarted);
         status.set(HealthStatus::NUMERICAL_RESET, !sound);
 
-        let nis = evidence.innovation * evidence.innovation / evidence.variance;
+        let square = evidence.innovation * evidence.innovation;
+        let nis = if evidence.variance > T::zero() { square / evidence.variance } else { T::zero() };
         let mut output = HealthOutput {
             status,
             residual: if present { residual } else { T::zero() },

@@ -15,11 +15,18 @@ use nalgebra::{ComplexField, RealField, convert};
 use super::conditional::{Conditional, JumpMotion, Prediction};
 use super::config::HealthConfig;
 use super::span::Span;
+use crate::number::select;
 
 /// Floor under the mode probabilities, so that every mode can recover.
 const PROBABILITY_FLOOR: f64 = 1e-9;
 /// A mode whose share of the posterior is below this merges its paths by their prior weights.
 const NEGLIGIBLE_SHARE: f64 = 1e-30;
+
+/// Keeps the arguments of the exponential where it is always the same work: below −1.5 ln 2 …
+const EXPONENT_SHIFT: f64 = 2.0;
+/// … and above those at which it underflows in single precision. Paths so much worse than the best, in squares of
+/// standard deviations, have no share.
+const WORST: f64 = 160.0;
 
 /// A quantity for each mode: first index λ (jump absent, present), second index the level of noise.
 pub(super) type PerMode<Q, const LEVELS: usize> = [[Q; LEVELS]; 2];
@@ -50,6 +57,14 @@ pub(super) struct Evidence<T> {
     pub(super) log_likelihood: T,
     /// The residual was beyond the gate of every mode and was not used.
     pub(super) out_of_model: bool,
+}
+
+impl<T: RealField + Copy> Evidence<T> {
+    /// Of a residual that was not used.
+    pub(super) fn none() -> Self {
+        let zero = T::zero();
+        Self { innovation: zero, variance: zero, log_likelihood: zero, out_of_model: false }
+    }
 }
 
 /// The paths from one mode i to all levels of noise under one λ. They share the prediction.
@@ -108,16 +123,18 @@ impl<T: RealField + Copy, const LEVELS: usize> Recursion<T, LEVELS> {
 
         // Likelihoods relative to the best path's, so that they cannot all vanish.
         let limit = T::max_value().unwrap_or(self.gate_squared);
-        let better = |q: T, path: &Path<T>| if path.prior > T::zero() && path.q < q { path.q } else { q };
+        let better = |q: T, path: &Path<T>| select((path.prior > T::zero()) & (path.q < q), path.q, q);
         let best = fans.iter().flatten().flatten().flat_map(|fan| &fan.paths).fold(limit, better);
         let out_of_model = present && (best > self.gate_squared);
         let usable = present && !out_of_model;
         let half = convert::<f64, T>(0.5);
+        let (shift, worst) = (convert::<f64, T>(EXPONENT_SHIFT), convert::<f64, T>(WORST));
         let mut total = T::zero();
         for path in fans.iter_mut().flatten().flatten().flat_map(|fan| &mut fan.paths) {
-            let worse = if path.q > best { path.q - best } else { T::zero() };
-            let fit = (-half * worse).exp() * path.inverse_variance.sqrt();
-            path.posterior = path.prior * if usable { fit } else { T::one() };
+            let worse = select(path.q > best, path.q - best, T::zero());
+            let worse = select(worse < worst, worse, worst);
+            let fit = (-half * worse - shift).exp() * path.inverse_variance.sqrt();
+            path.posterior = path.prior * select(usable, fit, T::one());
             total += path.posterior;
         }
 
@@ -133,11 +150,11 @@ impl<T: RealField + Copy, const LEVELS: usize> Recursion<T, LEVELS> {
         after.weights = floored(after.weights);
 
         let (predicted, variance) = residual_prediction(&fans);
-        let log_likelihood = total.ln() - half * (best + T::two_pi().ln());
+        let log_likelihood = total.ln() + shift - half * (best + T::two_pi().ln());
         let evidence = Evidence {
-            innovation: if present { d - predicted } else { T::zero() },
+            innovation: select(present, d - predicted, T::zero()),
             variance,
-            log_likelihood: if usable { log_likelihood } else { T::zero() },
+            log_likelihood: select(usable, log_likelihood, T::zero()),
             out_of_model,
         };
         (after, evidence)
@@ -172,7 +189,9 @@ impl<T: RealField + Copy, const LEVELS: usize> Recursion<T, LEVELS> {
                 let innovation = d - prediction.residual;
                 let paths = array::from_fn(|to_level| {
                     let level_noise = span.level_noise[from_level][to_level];
-                    let inverse_variance = T::one() / (prediction.variance + level_noise);
+                    // Never below the residual's own noise, whatever rounding has done to a covariance.
+                    let variance = prediction.variance.max(self.residual_variance);
+                    let inverse_variance = T::one() / (variance + level_noise);
                     Path {
                         prior: weight * span.level_transition[from_level][to_level],
                         level_noise,
@@ -202,13 +221,13 @@ fn merge<T: RealField + Copy, const LEVELS: usize>(
         prior += fan.paths[level].prior;
     }
     let negligible = share < convert(NEGLIGIBLE_SHARE);
-    let scale = T::one() / if negligible { prior } else { share };
+    let scale = T::one() / select(negligible, prior, share);
     let components: PerMode<_, LEVELS> = array::from_fn(|from| {
         array::from_fn(|from_level| {
             let fan = &fans[from][from_level];
             let path = &fan.paths[level];
-            let weight = scale * if negligible { path.prior } else { path.posterior * per_total };
-            let precision = if usable { path.inverse_variance } else { T::zero() };
+            let weight = scale * select(negligible, path.prior, path.posterior * per_total);
+            let precision = select(usable, path.inverse_variance, T::zero());
             (weight, fan.prediction.update(path.level_noise, precision, fan.innovation))
         })
     });
@@ -239,7 +258,7 @@ fn residual_prediction<T: RealField + Copy, const LEVELS: usize>(
 /// Step 5 [HLT-5]: nothing below the floor, sum one.
 fn floored<T: RealField + Copy, const LEVELS: usize>(weights: PerMode<T, LEVELS>) -> PerMode<T, LEVELS> {
     let floor = convert(PROBABILITY_FLOOR);
-    let raised = weights.map(|row| row.map(|weight| if weight > floor { weight } else { floor }));
+    let raised = weights.map(|row| row.map(|weight| select(weight > floor, weight, floor)));
     let total = raised.iter().flatten().fold(T::zero(), |sum, &weight| sum + weight);
     raised.map(|row| row.map(|weight| weight / total))
 }

@@ -10,6 +10,7 @@ use core::array;
 use nalgebra::RealField;
 
 use super::config::HealthConfig;
+use crate::number::select;
 
 /// Number of doublings held.
 const STAGES: usize = 10;
@@ -131,7 +132,7 @@ impl<T: RealField + Copy, const LEVELS: usize> SpanLadder<T, LEVELS> {
         let mut total = Span::none();
         for (bit, stage) in self.stages.iter().enumerate() {
             let longer = total.then(stage);
-            total = if steps & (1 << bit) == 0 { total } else { longer };
+            total = *select(steps & (1 << bit) == 0, &total, &longer);
         }
         total
     }
@@ -163,7 +164,8 @@ fn product<T: RealField + Copy, const SIZE: usize>(
 
 /// 0 where the denominator is 0: a transition that does not exist.
 fn ratio_or_zero<T: RealField + Copy>(numerator: T, denominator: T) -> T {
-    if denominator > T::zero() { numerator / denominator } else { T::zero() }
+    let exists = denominator > T::zero();
+    select(exists, numerator / select(exists, denominator, T::one()), T::zero())
 }
 
 #[cfg(test)]

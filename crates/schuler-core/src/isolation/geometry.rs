@@ -123,6 +123,17 @@ impl<T: RealField + Copy, const N: usize> BlockGeometry<T, N> {
     }
 }
 
+impl<const N: usize> BlockGeometry<f64, N> {
+    /// The same in single precision.
+    pub(super) fn single(&self) -> BlockGeometry<f32, N> {
+        BlockGeometry {
+            axes: self.axes.map(|axis| axis.map(|x| x as f32)),
+            reference_sigma: self.reference_sigma as f32,
+            volume: self.volume as f32,
+        }
+    }
+}
+
 /// Every gyro must be seen in the parity space, and no two of them along one line.
 fn check_lines<T: RealField + Copy, const N: usize>(projector: &SMatrix<T, N, N>) -> Result<(), ConfigError> {
     let seen = elements(projector.diagonal());

@@ -5,6 +5,7 @@ use nalgebra::{RealField, Vector2};
 use super::geometry::constant;
 use super::parity::ParitySpace;
 use super::sums::Evidence;
+use crate::number::select;
 
 /// Parity that the suspect leaves unexplained, squared: chi-square with one degree of freedom, 0.1 %. Above it more
 /// than one gyro has failed.
@@ -46,8 +47,10 @@ impl<T: RealField + Copy> Suspicion<T> {
         let mut first = (0, -T::one());
         let mut second = -T::one();
         for (gyro, q) in space.likelihood(&evidence.sum, samples).into_iter().enumerate() {
-            second = if q > first.1 { first.1 } else { second.max(q) };
-            first = if q > first.1 { (gyro, q) } else { first };
+            let leads = q > first.1;
+            let least = select(leads, first.1, q);
+            second = select(second > least, second, least);
+            first = (select(leads, gyro, first.0), select(leads, q, first.1));
         }
         let total = evidence.sum.norm_squared() / samples;
         Self { gyro: first.0, margin: first.1 - second, unexplained: total - first.1 }
@@ -111,15 +114,17 @@ impl<T: RealField + Copy> Investigation<T> {
         let half = constant::<T>(0.5);
         // The shift was picked because it was large: samples that had no part in that must bear it out.
         let support = self.support + self.shift.dot(parity) - self.shift.norm_squared() * half;
-        self.support = if joins { support } else { self.support };
-        self.evidence = if joins { self.evidence.with(parity) } else { self.evidence };
-        self.age = self.age.saturating_add(u32::from(open));
-        if let Some(evidence) = raised {
-            self.evidence = evidence;
-            self.shift = evidence.sum / evidence.count();
-            self.support = T::zero();
-            self.age = 0;
-        }
+        let support = select(joins, support, self.support);
+        let evidence = Evidence::select(joins, &self.evidence.with(parity), &self.evidence);
+        let age = self.age.saturating_add(u32::from(open));
+        let first = raised.unwrap_or(evidence);
+        let shift = first.sum / first.count();
+        let raises = raised.is_some();
+        self.evidence = Evidence::select(raises, &first, &evidence);
+        self.shift.x = select(raises, shift.x, self.shift.x);
+        self.shift.y = select(raises, shift.y, self.shift.y);
+        self.support = select(raises, T::zero(), support);
+        self.age = select(raises, 0, age);
 
         let refuted = self.support < -self.margin * half;
         let expired = self.age >= self.give_up_samples;

@@ -45,6 +45,7 @@ pub mod thresholds;
 use nalgebra::{ComplexField, Matrix3, SVector, Vector2};
 
 use crate::config::ConfigError;
+use crate::number::select;
 use crate::reading::Reading;
 use calibration::OffsetCalibration;
 pub use configuration::IsolationConfig;
@@ -67,6 +68,9 @@ const ALL: GyroMask = (1 << GYROS) - 1;
 #[derive(Clone, Copy, Debug)]
 pub struct FaultIsolation {
     space: ParitySpace<f64>,
+    /// The same for the detectors. Readings, parity and rate are double, because a parity is a small difference of large
+    /// readings; in what adds up parities, single precision costs a tenth and is lost in their noise.
+    lines: ParitySpace<f32>,
     determinants: FiveDeterminants<f64>,
     estimator: RateEstimator<f64>,
     /// `1/σ_k`, s/rad.
@@ -80,8 +84,8 @@ pub struct FaultIsolation {
 
     input: InputMonitor,
     calibration: OffsetCalibration,
-    five: FiveGyroDetector<f64>,
-    four: FourGyroDetector<f64>,
+    five: FiveGyroDetector<f32>,
+    four: FourGyroDetector<f32>,
     recovery: RecoveryMonitor,
     size: FaultSize,
     /// Constant error of each gyro, in its σ.
@@ -124,8 +128,8 @@ impl FaultIsolation {
         config.check()?;
         let inverse_sigma = SVector::from(config.sigma).map(|sigma| 1.0 / sigma);
         let detector = DetectorConfig {
-            false_alarm_interval: config.false_alarm_interval,
-            margin: config.margin,
+            false_alarm_interval: config.false_alarm_interval as f32,
+            margin: config.margin as f32,
             persistence: config.persistence,
             give_up_samples: config.give_up_samples,
         };
@@ -153,6 +157,7 @@ impl FaultIsolation {
             offset_rejected: false,
             excluded: 0,
             covariance: Matrix3::zeros(),
+            lines: space.single(),
             space,
         })
     }
@@ -160,14 +165,26 @@ impl FaultIsolation {
     /// One sample of the five gyros, rad/s. `readmit`: ground command to take a gyro back; for a gyro that is in
     /// use it restarts the detection. Never panics; the work does not depend on the data.
     pub fn step(&mut self, gyros: &[Reading<f64>; GYROS], readmit: Option<u8>) -> IsolationOutput {
+        self.step_corrected(gyros, &[0.0; GYROS], readmit)
+    }
+
+    /// The same with the known error of each gyro in this sample, rad/s, which is taken off its reading. Range and
+    /// repetition are judged by the readings as they came: a correction that follows the temperature would make a stuck
+    /// gyro move.
+    pub fn step_corrected(
+        &mut self,
+        gyros: &[Reading<f64>; GYROS],
+        errors: &[f64; GYROS],
+        readmit: Option<u8>,
+    ) -> IsolationOutput {
         let mut flags = self.command(readmit);
-        let sample = self.prepare(gyros, &mut flags);
+        let sample = self.prepare(gyros, errors, &mut flags);
 
         // Five gyros: detect and isolate, and go on until the isolation is final. [FDI-6]
         let open = self.excluded == 0 || self.five.alarm() == Alarm::Isolated;
         let watched = sample.complete() && open && !sample.calibrating;
         let parity = sample.parity * sample.shrink;
-        let five = self.five.step(&self.space, &parity, watched, !sample.suspended);
+        let five = self.five.step(&self.lines, &parity.map(single), watched, !sample.suspended);
         if five.raised {
             self.size = FaultSize::none();
         }
@@ -177,7 +194,7 @@ impl FaultIsolation {
         let searching = standing && self.excluded == 0;
         // An outlier that is not yet an alarm costs the sample, not the gyro.
         let spike = five.outlier && !standing;
-        let spike_margin = spike && five.of_sample.margin >= self.margin;
+        let spike_margin = spike && f64::from(five.of_sample.margin) >= self.margin;
         let spiked = if spike_margin { 1 << five.of_sample.gyro } else { 0 };
 
         // Four gyros: the determinant that does not contain the absent one detects. [FDI-9]
@@ -185,7 +202,7 @@ impl FaultIsolation {
         let disagreement = if sample.calibrating { None } else { only(absent) }
             .and_then(|gyro| sample.determinants.get(gyro).copied());
         let watched = disagreement.is_some() && !isolated && absent == self.excluded;
-        let four = self.four.step(disagreement.unwrap_or_default(), watched, !sample.suspended);
+        let four = self.four.step(single(disagreement.unwrap_or_default()), watched, !sample.suspended);
         let second_fault = four.alarm == Alarm::Standing;
 
         // All five in agreement again? [FDI-9]
@@ -231,8 +248,8 @@ impl FaultIsolation {
             rate_sigma: keep(trusted, rate_sigma.into()),
             parity: keep(sample.complete(), parity.into()),
             determinants: sample.valid_determinants(),
-            alarm_level: if watched { four.level } else { five.level },
-            margin: if standing { five.suspicion.margin } else { 0.0 },
+            alarm_level: f64::from(select(watched, four.level, five.level)),
+            margin: f64::from(select(standing, five.suspicion.margin, 0.0)),
             fault_size,
             fault_sigma,
         }
@@ -265,13 +282,19 @@ impl FaultIsolation {
     }
 
     /// Checks the readings and forms what the detectors need. `[FDI-7]` `[FDI-10]`
-    fn prepare(&mut self, gyros: &[Reading<f64>; GYROS], flags: &mut IsolationFlags) -> Sample {
+    fn prepare(
+        &mut self,
+        gyros: &[Reading<f64>; GYROS],
+        errors: &[f64; GYROS],
+        flags: &mut IsolationFlags,
+    ) -> Sample {
         let input = self.input.check(gyros);
         self.exclude(input.stuck | input.lost);
         let complete = input.usable == ALL;
         let unusable = ALL & !input.usable;
 
-        let mut whitened = SVector::from(input.values).component_mul(&self.inverse_sigma) - self.offset;
+        let values = SVector::from(input.values) - SVector::from(*errors);
+        let mut whitened = values.component_mul(&self.inverse_sigma) - self.offset;
         for (gyro, value) in whitened.iter_mut().enumerate() {
             *value = if unusable >> gyro & 1 == 0 { *value } else { 0.0 };
         }
@@ -348,10 +371,12 @@ impl FaultIsolation {
 
     /// Size of the excluded gyro's fault and its 1-σ, rad/s.
     fn fault_size(&self) -> (f64, f64) {
-        let Some(gyro) = only(self.excluded) else { return (0.0, 0.0) };
+        let excluded = only(self.excluded);
+        let gyro = excluded.unwrap_or(0);
         let sigma = 1.0 / self.inverse_sigma.get(gyro).copied().unwrap_or(1.0);
         let (size, error) = self.size.of(&self.space, gyro);
-        (size * sigma, error * sigma)
+        let known = excluded.is_some();
+        (select(known, size * sigma, 0.0), select(known, error * sigma, 0.0))
     }
 }
 
@@ -381,5 +406,11 @@ fn raise(flag: IsolationFlags, condition: bool) -> IsolationFlags {
 }
 
 fn keep<const N: usize>(condition: bool, values: [f64; N]) -> [f64; N] {
-    if condition { values } else { [0.0; N] }
+    values.map(|value| select(condition, value, 0.0))
+}
+
+/// In single precision; so far out that the limit matters there is nothing to tell any more.
+fn single(deviations: f64) -> f32 {
+    const MOST: f64 = 1e15;
+    deviations.clamp(-MOST, MOST) as f32
 }

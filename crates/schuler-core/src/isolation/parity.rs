@@ -99,3 +99,15 @@ impl<T: RealField + Copy> ParitySpace<T> {
         statistics
     }
 }
+
+impl ParitySpace<f64> {
+    /// The same space in single precision: enough for what adds up parity vectors, not for what forms them.
+    pub fn single(&self) -> ParitySpace<f32> {
+        ParitySpace {
+            geometry: self.geometry.single(),
+            matrix: self.matrix.map(|x| x as f32),
+            sensitivity: self.sensitivity.map(|x| x as f32),
+            directions: self.directions.map(|direction| direction.map(|x| x as f32)),
+        }
+    }
+}

@@ -8,6 +8,7 @@ use nalgebra::{Matrix3, RealField, SVector, Vector3};
 
 use super::orthogonal::ThinQr;
 use super::parity::{GYROS, ParitySpace};
+use crate::number::select;
 
 /// Weighted least squares over all five gyros, and over every four of them.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,7 +28,8 @@ impl<T: RealField + Copy> RateEstimator<T> {
         Self { gains: gain.data.0.map(Vector3::from), covariance: gain * gain.transpose() }
     }
 
-    /// The rate from all gyros, or from those without `excluded`, whose reading has no part in it, rad/s. `[FDI-9]`
+    /// The rate from all gyros, or from those without `excluded`, whose reading has no part in it, rad/s. The work is
+    /// the same where none is excluded. `[FDI-9]`
     #[inline]
     pub fn rate(
         &self,
@@ -37,11 +39,13 @@ impl<T: RealField + Copy> RateEstimator<T> {
     ) -> Vector3<T> {
         let mut readings = *whitened;
         for (gyro, reading) in readings.iter_mut().enumerate() {
-            *reading = if Some(gyro) == excluded { T::zero() } else { *reading };
+            *reading = select(Some(gyro) == excluded, T::zero(), *reading);
         }
         // The fault of the excluded gyro against the reading of nothing that stands for it, and its part in the rate.
-        let fault = excluded.map_or_else(T::zero, |gyro| space.fault_size(&space.parity(&readings), gyro));
-        let mut rate = self.gain(excluded) * -fault;
+        let gyro = excluded.unwrap_or(0);
+        let fault = space.fault_size(&space.parity(&readings), gyro);
+        let fault = select(excluded.is_some(), fault, T::zero());
+        let mut rate = self.gain(Some(gyro)) * -fault;
         for (gain, &reading) in self.gains.iter().zip(&readings) {
             rate += gain * reading;
         }
@@ -50,7 +54,8 @@ impl<T: RealField + Copy> RateEstimator<T> {
 
     /// Covariance of that rate from the noise of the gyros in use, (rad/s)². `[FDI-9]`
     pub fn covariance(&self, space: &ParitySpace<T>, excluded: Option<usize>) -> Matrix3<T> {
-        let lost = self.gain(excluded) / excluded.map_or_else(T::one, |gyro| space.sensitivity_of(gyro));
+        let (gyro, share) = (excluded.unwrap_or(0), select(excluded.is_some(), T::one(), T::zero()));
+        let lost = self.gain(Some(gyro)) * (share / space.sensitivity_of(gyro));
         self.covariance + lost * lost.transpose()
     }
 

@@ -9,6 +9,7 @@ use super::detector::{Alarm, DetectorConfig};
 use super::geometry::constant;
 use super::sums::{Gate, SumKind};
 use super::thresholds::Thresholds;
+use crate::number::select;
 
 /// What one sample of the four gyros did.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -83,18 +84,20 @@ impl<T: RealField + Copy> FourGyroDetector<T> {
         // The sum nearest to its threshold is the cause; it has the sign of an outlier that is alone.
         let mut cause = (T::zero(), self.cause);
         for (kind, sum) in self.kinds.iter().zip(&mut self.sums) {
-            let next = (*sum + kind.increment(parity)).max(T::zero());
-            *sum = if usable && sums { next } else { *sum };
+            let next = *sum + kind.increment(parity);
+            let next = select(next > T::zero(), next, T::zero());
+            *sum = select(usable & sums, next, *sum);
             let ratio = *sum * kind.inverse_threshold;
             beyond |= ratio > T::one();
-            level = level.max(ratio);
-            cause = if ratio > cause.0 { (ratio, *kind) } else { cause };
+            level = select(ratio > level, ratio, level);
+            let leads = ratio > cause.0;
+            cause = (select(leads, ratio, cause.0), SumKind::select(leads, kind, &cause.1));
         }
 
         let standing = self.alarm == Alarm::Standing;
         let raised = usable && beyond && !standing;
         let joins = usable && standing && (sums || outlier);
-        self.support += if joins { self.cause.support(parity) } else { T::zero() };
+        self.support += select(joins, self.cause.support(parity), T::zero());
         let refuted = standing && self.support < -self.margin * constant::<T>(0.5);
         if raised {
             self.cause = cause.1;

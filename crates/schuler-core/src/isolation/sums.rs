@@ -4,6 +4,7 @@ use nalgebra::{RealField, Vector2};
 use super::geometry::constant;
 use super::parity::{GYROS, ParitySpace};
 use super::thresholds::{FAST_REFERENCE, SLOW_REFERENCE, Thresholds};
+use crate::number::select;
 
 /// Parity vectors added up, and how many.
 #[derive(Clone, Copy, Debug)]
@@ -19,6 +20,15 @@ impl<T: RealField + Copy> Evidence<T> {
 
     pub(super) fn with(&self, parity: &Vector2<T>) -> Self {
         Self { samples: self.samples.saturating_add(1), sum: self.sum + parity }
+    }
+
+    /// One or the other, number by number: with the same work.
+    pub(super) fn select(condition: bool, one: &Self, other: &Self) -> Self {
+        let ([x, y], [other_x, other_y]) = ([one.sum.x, one.sum.y], [other.sum.x, other.sum.y]);
+        Self {
+            samples: select(condition, one.samples, other.samples),
+            sum: Vector2::new(select(condition, x, other_x), select(condition, y, other_y)),
+        }
     }
 
     /// Number of samples, at least one.
@@ -46,6 +56,15 @@ impl<T: RealField + Copy> SumKind<T> {
             Self { sign: up, reference: slow, inverse_threshold: inverse_slow },
             Self { sign: down, reference: slow, inverse_threshold: inverse_slow },
         ]
+    }
+
+    /// One or the other, number by number.
+    pub(super) fn select(condition: bool, one: &Self, other: &Self) -> Self {
+        Self {
+            sign: select(condition, one.sign, other.sign),
+            reference: select(condition, one.reference, other.reference),
+            inverse_threshold: select(condition, one.inverse_threshold, other.inverse_threshold),
+        }
     }
 
     /// What a sample adds to the sum.
@@ -81,7 +100,8 @@ impl<T: RealField + Copy> Gate<T> {
     /// Factor by which a sample enters what adds up samples: an outlier counts no more than the threshold when it
     /// takes several to make an alarm.
     pub(super) fn limit(&self, statistic: T) -> T {
-        let scale = (self.threshold / statistic.max(self.threshold)).sqrt();
+        let large = select(statistic > self.threshold, statistic, self.threshold);
+        let scale = (self.threshold / large).sqrt();
         if self.persistence > 1 { scale } else { T::one() }
     }
 
@@ -101,6 +121,13 @@ struct OneSidedSum<T> {
 impl<T: RealField + Copy> OneSidedSum<T> {
     fn zero() -> Self {
         Self { level: T::zero(), evidence: Evidence::none() }
+    }
+
+    fn select(condition: bool, one: &Self, other: &Self) -> Self {
+        Self {
+            level: select(condition, one.level, other.level),
+            evidence: Evidence::select(condition, &one.evidence, &other.evidence),
+        }
     }
 }
 
@@ -154,8 +181,8 @@ impl<T: RealField + Copy> Watch<T> {
         let (beyond, ratio) = self.gate.judge(statistic);
         let outlier = beyond && usable;
         let limited = parity * self.gate.limit(statistic);
-        let run = if outlier { self.run.with(&limited) } else { Evidence::none() };
-        self.run = if usable { run } else { self.run };
+        let run = Evidence::select(outlier, &self.run.with(&limited), &Evidence::none());
+        self.run = Evidence::select(usable, &run, &self.run);
 
         let mut level = if usable { ratio } else { T::zero() };
         let single = if outlier && self.gate.persisted(self.run.samples) { ratio } else { T::zero() };
@@ -164,15 +191,14 @@ impl<T: RealField + Copy> Watch<T> {
             let along = direction.dot(&limited);
             for (kind, sum) in self.kinds.iter().zip(sums) {
                 let next = sum.level + kind.increment(along);
-                let next = if next > T::zero() {
-                    OneSidedSum { level: next, evidence: sum.evidence.with(&limited) }
-                } else {
-                    OneSidedSum::zero()
-                };
-                *sum = if usable && add_up { next } else { *sum };
+                let grown = OneSidedSum { level: next, evidence: sum.evidence.with(&limited) };
+                let next = OneSidedSum::select(next > T::zero(), &grown, &OneSidedSum::zero());
+                *sum = OneSidedSum::select(usable & add_up, &next, sum);
                 let ratio = sum.level * kind.inverse_threshold;
-                level = level.max(ratio);
-                largest = if ratio > largest.0 { (ratio, sum.evidence) } else { largest };
+                level = select(ratio > level, ratio, level);
+                let leads = ratio > largest.0;
+                let evidence = Evidence::select(leads, &sum.evidence, &largest.1);
+                largest = (select(leads, ratio, largest.0), evidence);
             }
         }
         let alarm = (usable && largest.0 > T::one()).then_some(largest.1);

@@ -82,6 +82,13 @@ struct Triad {
     shrink: [[f32; 3]; 3],
 }
 
+impl Default for Compensator {
+    /// Corrects nothing.
+    fn default() -> Self {
+        Self { block: CompensationBlock::default() }
+    }
+}
+
 impl Compensator {
     /// Checks the block.
     ///

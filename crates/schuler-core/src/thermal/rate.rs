@@ -15,6 +15,7 @@ use super::regression::{Estimate, Fit, Model};
 use super::window::{Entry, Window};
 use super::{Scalar, real, seconds_between};
 use crate::config::{ConfigError, Problem};
+use crate::number::select;
 use crate::reading::{Quality, Reading};
 
 /// Readings outside this range are not temperatures, degC.
@@ -70,7 +71,11 @@ impl<F: Scalar> TemperatureRateConfig<F> {
         }
     }
 
-    fn check(&self) -> Result<(), ConfigError> {
+    /// Checks every field.
+    ///
+    /// # Errors
+    /// The first field that cannot be flown.
+    pub fn validate(&self) -> Result<(), ConfigError> {
         let error = |field, problem| Err(ConfigError::new(field, problem));
         if !self.quantum.is_finite() {
             return error("thermal.rate.quantum", Problem::NotFinite);
@@ -205,7 +210,7 @@ impl<F: Scalar> TemperatureRate<F> {
     /// # Errors
     /// The first field that cannot be flown.
     pub fn try_build(config: &TemperatureRateConfig<F>) -> Result<Self, ConfigError> {
-        config.check()?;
+        config.validate()?;
         let zero = F::zero();
         let last = TemperatureRateOutput {
             temperature: zero,
@@ -236,8 +241,10 @@ impl<F: Scalar> TemperatureRate<F> {
         let y = if usable { y } else { F::zero() };
         let gap = self.running.is_some_and(|r| now_ms.saturating_sub(r.last_ms) > RESTART_GAP_MS);
         let restarted = gap || clock_was_set;
-        let before = self.running.filter(|_| !restarted);
-        let mut running = before.unwrap_or_else(|| Running::start(now_ms, y, &self.config));
+        // A fresh start is made in every step and taken in few; so is the old state kept.
+        let old = self.running;
+        let fresh = Running::start(now_ms, y, &self.config);
+        let mut running = *select(restarted, &fresh, old.as_ref().unwrap_or(&fresh));
         let mut counts = self.counts;
         running.update(now_ms, y, &self.config, &mut counts);
         running.window.expire(now_ms, u64::from(self.config.window_s) * 1000);
@@ -254,10 +261,10 @@ impl<F: Scalar> TemperatureRate<F> {
         status.set(ThermalStatus::RESTARTED, restarted);
         status.set(ThermalStatus::DITHER, dithers);
 
+        self.running = *select(accepted, &Some(running), &old);
         if accepted {
             self.counts = counts;
             self.clock_faults = 0;
-            self.running = Some(running);
             self.last = TemperatureRateOutput { temperature, rate, temperature_sigma, rate_sigma, status };
         } else {
             self.counts.rejected = self.counts.rejected.saturating_add(1);

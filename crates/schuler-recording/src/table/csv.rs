@@ -1,89 +1,17 @@
-//! Tables of numbers: one header row with the names of the columns, one row a step; empty or `nan` = missing.
-//!
-//! CSV and gzipped CSV (known by its first bytes, whatever the name). A further format is one more
-//! [`TableReader`] and one more arm of [`open`].
-use std::fs::File;
-use std::io::{self, BufRead, BufReader, Write};
+//! Tables as comma-separated values: one header row with the names of the columns.
+use std::io::{self, BufRead, Write};
 use std::path::{Path, PathBuf};
 
 use csv::{ByteRecord, ReaderBuilder};
-use flate2::bufread::MultiGzDecoder;
-use flate2::write::GzEncoder;
 
-use crate::document::suggestion;
+use super::{BUFFER_BYTES, Columns, TableReader};
 use crate::error::{Error, Problem};
 
-/// Size of the buffers between file, decompressor and parser.
-const BUFFER_BYTES: usize = 1 << 18;
-/// First bytes of a gzip file.
-const GZIP_MAGIC: [u8; 2] = [0x1f, 0x8b];
 /// How much of a bad cell is shown.
 const SHOWN_CHARACTERS: usize = 40;
 
-/// Columns that were read from a table.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Columns {
-    /// Values in the order in which the columns were asked for; NaN = missing.
-    pub values: Vec<Vec<f64>>,
-    /// Number of infinite cells of each column, which are missing as well.
-    pub infinite: Vec<usize>,
-    /// Line of each row in the file, from 1.
-    pub lines: Vec<u64>,
-    /// What the reader of the table should be told, e.g. that its last row is cut off.
-    pub warnings: Vec<String>,
-}
-
-/// A table that can be read once.
-pub trait TableReader {
-    /// Names of all columns.
-    fn names(&self) -> &[String];
-
-    /// Reads the columns with the given indices (into [`names`](Self::names)), in this order; repetitions are fine.
-    ///
-    /// # Errors
-    /// A cell that is neither a number nor missing, a row of another length, a file that cannot be read.
-    fn read(self: Box<Self>, wanted: &[usize]) -> Result<Columns, Error>;
-}
-
-/// Opens the table at `path`.
-///
-/// # Errors
-/// A file that cannot be read, or whose header is not one row of names.
-pub fn open(path: &Path) -> Result<Box<dyn TableReader>, Error> {
-    let unreadable = |error: io::Error| Error::io(path, "read the table", &error);
-    let file = File::open(path).map_err(unreadable)?;
-    let mut raw = BufReader::with_capacity(BUFFER_BYTES, file);
-    let gzipped = raw.fill_buf().map_err(unreadable)?.starts_with(&GZIP_MAGIC);
-    let bytes: Box<dyn BufRead> = if gzipped {
-        Box::new(BufReader::with_capacity(BUFFER_BYTES, MultiGzDecoder::new(raw)))
-    } else {
-        Box::new(raw)
-    };
-    CsvTable::new(path, bytes).map(|table| Box::new(table) as Box<dyn TableReader>)
-}
-
-/// Index of the column `name`, or what is wrong with asking for it.
-///
-/// # Errors
-/// The message for a column that is not there (with the nearest one that is) or is there twice.
-pub fn column_index(names: &[String], name: &str) -> Result<usize, String> {
-    let mut found =
-        names.iter().enumerate().filter(|(_, column)| column.as_str() == name).map(|(index, _)| index);
-    match (found.next(), found.next()) {
-        (Some(index), None) => Ok(index),
-        (Some(_), Some(_)) => {
-            Err(format!("found \"{name}\", which the table has twice; expected a unique column"))
-        }
-        (None, _) => {
-            let hint = suggestion(name, names.iter().map(String::as_str));
-            let hint = hint.map(|meant| format!("; did you mean \"{meant}\"?")).unwrap_or_default();
-            Err(format!("found \"{name}\"; expected a column of the table{hint}"))
-        }
-    }
-}
-
 /// A CSV table of which the header has been read.
-struct CsvTable {
+pub(super) struct CsvTable {
     path: PathBuf,
     names: Vec<String>,
     reader: csv::Reader<Box<dyn BufRead>>,
@@ -92,7 +20,11 @@ struct CsvTable {
 }
 
 impl CsvTable {
-    fn new(path: &Path, mut bytes: Box<dyn BufRead>) -> Result<Self, Error> {
+    /// Reads the header.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or whose header is not one row of names.
+    pub(super) fn new(path: &Path, mut bytes: Box<dyn BufRead>) -> Result<Self, Error> {
         let beginning = bytes.fill_buf().map_err(|error| Error::io(path, "read the table", &error))?;
         let first_line_end = beginning.iter().position(|&byte| byte == b'\n').unwrap_or_default();
         let crlf = first_line_end.checked_sub(1).and_then(|at| beginning.get(at)) == Some(&b'\r');
@@ -221,30 +153,8 @@ fn csv_error(path: &Path, error: &csv::Error) -> Error {
     Error::one(path, Problem::new(line, "", message))
 }
 
-/// Writes `columns` under their names to `path`, gzipped if its name ends in `.gz`.
-///
-/// Every finite value is written with the fewest digits that read back to the same bits; NaN is an empty cell.
-///
-/// # Errors
-/// Columns of different lengths, a file that cannot be written.
-pub fn write(path: &Path, columns: &[(&str, &[f64])]) -> Result<(), Error> {
-    let rows = columns.first().map_or(0, |(_, values)| values.len());
-    if let Some((name, values)) = columns.iter().find(|(_, values)| values.len() != rows) {
-        let message = format!("cannot write a column of {} rows beside one of {rows}", values.len());
-        return Err(Error::one(path, Problem::new(None, *name, message)));
-    }
-    let unwritable = |error: &io::Error| Error::io(path, "write the table", error);
-    let file = File::create(path).map_err(|error| unwritable(&error))?;
-    let written = if path.extension().is_some_and(|extension| extension == "gz") {
-        let mut encoder = GzEncoder::new(file, flate2::Compression::default());
-        write_csv(&mut encoder, columns, rows).and_then(|()| encoder.finish()).map(drop)
-    } else {
-        write_csv(file, columns, rows)
-    };
-    written.map_err(|error| unwritable(&error))
-}
-
-fn write_csv(sink: impl Write, columns: &[(&str, &[f64])], rows: usize) -> io::Result<()> {
+/// Writes columns of `rows` rows.
+pub(super) fn write(sink: impl Write, columns: &[(&str, &[f64])], rows: usize) -> io::Result<()> {
     let mut writer = csv::WriterBuilder::new().buffer_capacity(BUFFER_BYTES).from_writer(sink);
     writer.write_record(columns.iter().map(|(name, _)| name))?;
     let mut cell = Vec::new();

@@ -1,0 +1,76 @@
+//! What the module is told before the flight.
+use serde::{Deserialize, Serialize};
+
+use super::{HEALTH_LEVELS, THERMOMETERS};
+use crate::config::{ConfigError, Problem};
+use crate::filter::{FilterConfig, MarkovNoise, positive};
+use crate::health::HealthConfig;
+use crate::identification::IdentificationConfig;
+use crate::isolation::{FaultIsolation, IsolationConfig};
+use crate::thermal::TemperatureRateConfig;
+
+/// Everything that the module can be told before the flight.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ModuleConfig {
+    /// Error filter.
+    pub filter: FilterConfig<f32>,
+    /// Noise identification.
+    pub identification: IdentificationConfig,
+    /// Gyro block.
+    pub isolation: IsolationConfig,
+    /// Thermometers; one without configuration is off.
+    pub thermometers: [Option<TemperatureRateConfig<f32>>; THERMOMETERS],
+    /// Health monitor; off without configuration.
+    pub health: Option<HealthConfig<f32, HEALTH_LEVELS>>,
+    /// Readings older than this are not used, milliseconds. The health monitor has its own limit.
+    pub max_age_ms: u32,
+    /// Velocity errors beyond this are saturated or nonsense and are not used, m/s.
+    pub velocity_range: f32,
+}
+
+impl Default for ModuleConfig {
+    fn default() -> Self {
+        Self {
+            filter: FilterConfig {
+                radius_m: 6_371_000.0,
+                gravity: 9.80665,
+                step_s: 1.0,
+                accelerometer: MarkovNoise { sigma: 9.80665e-4, tau_s: 60.0 },
+                gyro: MarkovNoise { sigma: 4.84814e-7, tau_s: 1800.0 },
+                velocity_noise: 0.1,
+                initial_velocity_sigma: 0.1,
+                initial_vertical_sigma: 1e-4,
+                gate_sigma: 6.0,
+            },
+            identification: IdentificationConfig::default(),
+            isolation: IsolationConfig::CONE,
+            thermometers: [None; THERMOMETERS],
+            health: None,
+            max_age_ms: 1500,
+            velocity_range: 1000.0,
+        }
+    }
+}
+
+impl ModuleConfig {
+    /// Whether a module can be built from this.
+    ///
+    /// # Errors
+    /// The first field that cannot be flown.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        self.filter.validate()?;
+        self.identification.validate()?;
+        FaultIsolation::try_build(&self.isolation)?;
+        for thermometer in self.thermometers.iter().flatten() {
+            thermometer.validate()?;
+        }
+        if let Some(health) = &self.health {
+            health.validate()?;
+            // There is one step for all parts.
+            if health.step_s != self.filter.step_s {
+                return Err(ConfigError::new("health.step_s", Problem::OutOfRange));
+            }
+        }
+        positive("velocity_range", self.velocity_range)
+    }
+}

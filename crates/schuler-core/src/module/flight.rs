@@ -1,0 +1,261 @@
+//! The module: its state, configuration, and the step.
+use core::array;
+
+use super::config::ModuleConfig;
+use super::input::{Command, StepInput};
+use super::output::{Status, StepOutput};
+use super::thermometer::Thermometer;
+use super::time::{Clock, Passage};
+use super::velocity::{Identifiers, VelocityChannel, usable};
+use super::{HEALTH_LEVELS, THERMOMETERS};
+use crate::compensation::{Block, Compensation, Compensator, Known};
+use crate::config::{ConfigError, Problem};
+use crate::health::{HealthConfig, HealthMonitor, HealthOutput};
+use crate::isolation::FaultIsolation;
+use crate::reading::{Quality, Reading};
+use crate::thermal::{TemperatureRateOutput, ThermalState};
+
+/// The flight module's whole state: about 73 kB. Keep it in a static and configure it there.
+#[derive(Clone, Copy, Debug)]
+pub struct FlightModule {
+    stage: Stage,
+    identifiers: Identifiers,
+    parts: Parts,
+}
+
+/// Parts that are built one by one where they stay: together they are too large for a small stack.
+#[derive(Clone, Copy, Debug)]
+struct Parts {
+    thermometers: [Slot<Thermometer>; THERMOMETERS],
+    compensator: Slot<Compensator>,
+    health: Slot<HealthMonitor<f32, HEALTH_LEVELS>>,
+}
+
+/// A part that is there once there is a configuration. The tag stands by itself, as in [`Stage`].
+#[derive(Clone, Copy, Debug)]
+#[repr(u8)]
+#[allow(clippy::large_enum_variant)] // Never moved.
+enum Slot<T> {
+    Empty,
+    Full(T),
+}
+
+/// Before and after the configuration.
+///
+/// The tag stands by itself, so that a module that waits is all zeros and a static one costs no flash.
+#[derive(Clone, Copy, Debug)]
+#[repr(u8)]
+#[expect(clippy::large_enum_variant, reason = "there is exactly one, and it is never moved")]
+enum Stage {
+    Waiting,
+    Running(Running),
+}
+
+/// What exists only once there is a configuration.
+#[derive(Clone, Copy, Debug)]
+struct Running {
+    config: ModuleConfig,
+    steps: u64,
+    clock: Clock,
+    /// The block in force has terms of the velocity channel.
+    corrects_velocity: bool,
+    velocity: VelocityChannel,
+    isolation: FaultIsolation,
+    /// What happened since the last step, for its status.
+    news: Status,
+}
+
+impl FlightModule {
+    /// A module that waits for its configuration; until then every step answers [`Status::NOT_CONFIGURED`].
+    pub const fn new() -> Self {
+        let parts = Parts {
+            thermometers: [Slot::Empty; THERMOMETERS],
+            compensator: Slot::Empty,
+            health: Slot::Empty,
+        };
+        Self { stage: Stage::Waiting, identifiers: Identifiers::new(), parts }
+    }
+
+    /// Checks the configuration and starts the module anew from it, in place and without a compensation block. On an error the
+    /// module goes on as it was.
+    ///
+    /// # Errors
+    /// The first field that cannot be flown.
+    #[inline(never)]
+    pub fn configure(&mut self, config: &ModuleConfig) -> Result<(), ConfigError> {
+        // After this nothing fails.
+        config.validate()?;
+        self.stage = Stage::Running(Running {
+            config: *config,
+            steps: 0,
+            clock: Clock::default(),
+            corrects_velocity: false,
+            velocity: VelocityChannel::try_build(&config.filter)?,
+            isolation: FaultIsolation::try_build(&config.isolation)?,
+            news: Status::empty(),
+        });
+        self.parts.start(config)?;
+        self.identifiers.start(&config.filter, &config.identification);
+        Ok(())
+    }
+
+    /// Checks a compensation block and corrects by it from the next step on, in place of the one before. Best before the first
+    /// step: where it, or the one before, acts on the velocity channel, filter and identification start anew. On an error the
+    /// module goes on as it was.
+    ///
+    /// # Errors
+    /// The first field that cannot be flown, or that there is no configuration yet.
+    pub fn load_compensation(&mut self, block: &Block) -> Result<(), ConfigError> {
+        let (Stage::Running(running), Slot::Full(compensator)) =
+            (&mut self.stage, &mut self.parts.compensator)
+        else {
+            return Err(ConfigError::new("compensation", Problem::BeforeConfiguration));
+        };
+        compensator.load(block)?;
+        let corrects_velocity = block.has_velocity_terms();
+        if corrects_velocity || running.corrects_velocity {
+            running.velocity = VelocityChannel::try_build(&running.config.filter)?;
+            self.identifiers.start(&running.config.filter, &running.config.identification);
+            running.news |= Status::VELOCITY_RESTARTED;
+        }
+        running.news |= Status::COMPENSATION_LOADED;
+        running.corrects_velocity = corrects_velocity;
+        Ok(())
+    }
+
+    /// One step. Never panics; whatever the input, the state stays usable.
+    pub fn step(&mut self, input: &StepInput) -> StepOutput {
+        let Stage::Running(running) = &mut self.stage else {
+            return StepOutput {
+                time_ms: input.time_ms,
+                status: Status::NOT_CONFIGURED,
+                ..StepOutput::default()
+            };
+        };
+        running.step(&mut self.identifiers, &mut self.parts, input)
+    }
+}
+
+impl Default for FlightModule {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Parts {
+    /// Starts all of them; the configuration has been checked.
+    fn start(&mut self, config: &ModuleConfig) -> Result<(), ConfigError> {
+        for (thermometer, config) in self.thermometers.iter_mut().zip(&config.thermometers) {
+            *thermometer = Slot::Full(Thermometer::try_build(config.as_ref())?);
+        }
+        self.start_compensator();
+        self.start_health(config)
+    }
+
+    #[inline(never)]
+    fn start_compensator(&mut self) {
+        self.compensator = Slot::Full(Compensator::none());
+    }
+
+    /// A monitor that is off runs on missing readings.
+    #[inline(never)]
+    fn start_health(&mut self, config: &ModuleConfig) -> Result<(), ConfigError> {
+        let off = HealthConfig::doppler_against_inertial();
+        let monitor = HealthMonitor::try_build(config.health.as_ref().unwrap_or(&off))?;
+        self.health = Slot::Full(monitor);
+        Ok(())
+    }
+}
+
+impl Running {
+    #[inline(never)]
+    fn step(&mut self, identifiers: &mut Identifiers, parts: &mut Parts, input: &StepInput) -> StepOutput {
+        self.steps += 1;
+        let config = &self.config;
+        let mut status = core::mem::replace(&mut self.news, Status::empty());
+
+        // Time.
+        let passage = self.clock.pass(input.time_ms, config.filter.step_s);
+        let steady_ms = self.clock.steady_ms();
+        status.set(Status::STEPS_MISSING, matches!(passage, Passage::Missing(_)));
+        status.set(Status::CLOCK_BACKWARDS, passage == Passage::Backwards);
+        status.set(Status::CLOCK_JUMPED, passage == Passage::Jump);
+
+        // Readings.
+        let max_age_ms = config.max_age_ms;
+        let gyros = input.gyros.map(|reading| reading.not_older_than(max_age_ms));
+        let accelerometers = input.accelerometers.map(|reading| reading.not_older_than(max_age_ms));
+        let velocity = usable(&input.velocity_error, config, &mut status);
+        // A temperature that came at a time that ran backwards may be an old one.
+        let thermometers = input.thermometers.map(|reading| {
+            let reading = reading.not_older_than(max_age_ms);
+            if passage == Passage::Backwards { Reading::missing() } else { reading }
+        });
+
+        // Temperatures and rates.
+        let mut temperatures = [TemperatureRateOutput::default(); THERMOMETERS];
+        let mut states = [ThermalState::default(); THERMOMETERS];
+        let all = parts.thermometers.iter_mut().zip(&thermometers);
+        for ((output, state), (thermometer, reading)) in temperatures.iter_mut().zip(&mut states).zip(all) {
+            if let Slot::Full(thermometer) = thermometer {
+                (*output, *state) = thermometer.step(steady_ms, reading);
+            }
+        }
+
+        // Corrections.
+        let known = Known {
+            thermometers: states,
+            gyros: gyros.map(value_of),
+            accelerometers: accelerometers.map(value_of),
+            velocity,
+        };
+        let compensation = match &parts.compensator {
+            Slot::Full(compensator) => compensator.correct(&known),
+            Slot::Empty => Compensation::default(),
+        };
+
+        // Velocity channel.
+        let measured = velocity.map(|velocity| velocity - compensation.velocity);
+        let (filter, identification) =
+            self.velocity.step(identifiers, config, passage, measured, compensation.loop_errors, &mut status);
+
+        // Gyro block.
+        let readmit = match input.command {
+            Command::None => None,
+            Command::ReadmitGyro(gyro) => Some(gyro),
+        };
+        let errors = array::from_fn(|gyro| match (gyros.get(gyro), compensation.gyros.get(gyro)) {
+            (Some(reading), Some(corrected)) => value_of(*reading).map_or(0.0, |value| value - corrected),
+            _ => 0.0,
+        });
+        let isolation = self.isolation.step_corrected(&gyros, &errors, readmit);
+
+        // Health monitor.
+        let listened = |reading: &Reading<f32>| match config.health {
+            Some(_) => *reading,
+            None => Reading::missing(),
+        };
+        let (radio, inertial) = (listened(&input.radio_velocity), listened(&input.inertial_velocity));
+        let health = match &mut parts.health {
+            Slot::Full(monitor) => monitor.step(&radio, &inertial, passage.elapsed()),
+            Slot::Empty => HealthOutput::default(),
+        };
+
+        StepOutput {
+            step: self.steps,
+            time_ms: input.time_ms,
+            status,
+            filter,
+            identification,
+            isolation,
+            thermometers: temperatures,
+            compensation,
+            health,
+        }
+    }
+}
+
+/// The value of a reading that can be used.
+fn value_of(reading: Reading<f64>) -> Option<f64> {
+    (reading.quality == Quality::Good && reading.value.is_finite()).then_some(reading.value)
+}

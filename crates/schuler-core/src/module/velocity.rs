@@ -1,0 +1,203 @@
+//! The velocity channel: the error filter, the identification of the noise that it flies with, and what is known of the
+//! sensor errors in the Schuler loop.
+use super::config::ModuleConfig;
+use super::output::Status;
+use super::time::Passage;
+use crate::compensation::LoopResponse;
+use crate::config::ConfigError;
+use crate::filter::{ColouredGaussian, ErrorFilter, FilterConfig, FilterOutput, Kernel};
+use crate::identification::{
+    AveragedEstimate, ChannelNoise, ChannelStatus, ColouredChannels, Hypothesis, IdentificationConfig,
+    IdentificationOutput, LikelihoodIdentifier, Method, NoiseEstimate, PublishedLoop, Retuned,
+};
+use crate::reading::{Quality, Reading};
+
+/// The identifiers. Large, and constant before the start: they stay where they are built.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Identifiers {
+    likelihood: LikelihoodIdentifier,
+    published: PublishedLoop,
+}
+
+impl Identifiers {
+    pub(super) const fn new() -> Self {
+        Self { likelihood: LikelihoodIdentifier::new(), published: PublishedLoop::new() }
+    }
+
+    pub(super) fn start(&mut self, filter: &FilterConfig<f32>, config: &IdentificationConfig) {
+        self.likelihood.start(filter, config);
+        self.published.start(filter, config);
+    }
+}
+
+/// The filter and the noise that it flies with.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct VelocityChannel {
+    filter: ErrorFilter<f32>,
+    /// Noise that the filter flies with.
+    in_use: ChannelNoise,
+    retunes: u16,
+    /// The filter that is listened to where an exponential-cosine was accepted.
+    coloured: Option<(ErrorFilter<f32, ColouredGaussian<f32>>, ColouredChannels)>,
+    /// What the known errors make of the loop; the filter sees what is left.
+    response: LoopResponse,
+}
+
+impl VelocityChannel {
+    /// Checks the configuration and builds the filter.
+    ///
+    /// # Errors
+    /// The first field that cannot be flown.
+    pub(super) fn try_build(config: &FilterConfig<f32>) -> Result<Self, ConfigError> {
+        Ok(Self {
+            filter: ErrorFilter::try_build(config)?,
+            in_use: ChannelNoise { accelerometer: config.accelerometer, gyro: config.gyro },
+            retunes: 0,
+            coloured: None,
+            response: LoopResponse::default(),
+        })
+    }
+
+    /// One step. `measured`: velocity error, m/s, less the known error of its measurement; `loop_errors`: known errors of
+    /// accelerometer, m/s², and gyro, rad/s, in the loop.
+    pub(super) fn step(
+        &mut self,
+        identifiers: &mut Identifiers,
+        config: &ModuleConfig,
+        passage: Passage,
+        measured: Option<f32>,
+        loop_errors: [f32; 2],
+        status: &mut Status,
+    ) -> (FilterOutput<f32>, IdentificationOutput) {
+        let duration_s = f64::from(passage.moved()) * f64::from(config.filter.step_s);
+        self.response.pass(loop_errors, config.filter.radius_m, config.filter.gravity, duration_s);
+        let measured = measured.map(|velocity| velocity - self.response.velocity());
+        self.pass(identifiers, config, passage, measured);
+        let measured = measured.filter(|_| passage != Passage::Backwards);
+
+        // Filter.
+        let mut step = self.filter.step(measured);
+        let mut filter = self.filter.output(&step);
+        if let Some((coloured, _)) = &mut self.coloured {
+            step = coloured.step(measured);
+            filter = coloured.output(&step);
+        }
+        status.set(Status::INNOVATION_GATED, step.gated);
+        status.set(Status::VELOCITY_REACQUIRED, step.reacquired);
+        status.set(Status::COVARIANCE_RESET, step.reset);
+
+        // Identification.
+        let usable = measured.filter(|_| !step.gated);
+        let (averaged, known) = self.identify(identifiers, config, usable, status);
+        let in_use = self
+            .coloured
+            .as_ref()
+            .map_or_else(|| ColouredChannels::from(&self.in_use), |(_, coloured)| *coloured);
+        let mut averaged =
+            averaged.unwrap_or(AveragedEstimate { estimate: filter.estimate, sigma: filter.sigma });
+
+        // What is known belongs to the error as a whole.
+        for estimate in [&mut filter.estimate, &mut averaged.estimate] {
+            for (state, known) in estimate.iter_mut().zip(self.response.states()) {
+                *state += known;
+            }
+        }
+        let identification = IdentificationOutput {
+            averaged,
+            accelerometer: NoiseEstimate { noise: in_use.accelerometer, status: known[0] },
+            gyro: NoiseEstimate { noise: in_use.gyro, status: known[1] },
+            retunes: self.retunes,
+        };
+        (filter, identification)
+    }
+
+    /// Moves over what has passed before the step.
+    fn pass(
+        &mut self,
+        identifiers: &mut Identifiers,
+        config: &ModuleConfig,
+        passage: Passage,
+        measured: Option<f32>,
+    ) {
+        match passage {
+            Passage::OneStep | Passage::Backwards => {}
+            Passage::Missing(steps) => {
+                let duration_s = steps as f32 * config.filter.step_s;
+                self.filter.coast(&self.in_use.model(&config.filter, duration_s));
+                if let Some((coloured, noise)) = &mut self.coloured {
+                    coloured.coast(&noise.model(&config.filter, duration_s));
+                }
+                identifiers.likelihood.skip(steps);
+            }
+            Passage::Jump => {
+                // How long it really was is unknown: the velocity starts from the measurement.
+                let velocity = measured.unwrap_or(self.filter.state().mean()[0]);
+                self.filter.reacquire(velocity);
+                self.coloured = None;
+                identifiers.likelihood.start(&config.filter, &config.identification);
+            }
+        }
+    }
+
+    /// The estimate averaged over what is not known of the noise, if there is one, and how well the noise is known.
+    fn identify(
+        &mut self,
+        identifiers: &mut Identifiers,
+        config: &ModuleConfig,
+        usable: Option<f32>,
+        status: &mut Status,
+    ) -> (Option<AveragedEstimate>, [ChannelStatus; 2]) {
+        let (filter, identification) = (&config.filter, &config.identification);
+        let state = *self.filter.state();
+        match identification.method {
+            Method::Off => (None, [ChannelStatus::DataSheet; 2]),
+            Method::Published => {
+                if let Some(noise) = identifiers.published.step(filter, identification, &self.in_use, &state)
+                {
+                    self.retune(filter, &noise);
+                    *status |= Status::RETUNED;
+                }
+                (None, [ChannelStatus::DataSheet; 2])
+            }
+            Method::Likelihood => {
+                let likelihood = &mut identifiers.likelihood;
+                let retuned = likelihood.step(filter, identification, usable, &state);
+                if let Some(Retuned { noise, state, coloured }) = retuned {
+                    self.retune(filter, &noise);
+                    self.filter.set_state(&state);
+                    self.coloured = coloured.map(|(noise, state)| {
+                        let (model, prior) = (noise.model(filter, filter.step_s), noise.prior(filter));
+                        let mut filter = ErrorFilter::with_model(filter, model, prior);
+                        filter.set_state(&state);
+                        (filter, noise)
+                    });
+                    *status |= Status::RETUNED;
+                }
+                let averaged =
+                    self.coloured.is_none().then(|| likelihood.averaged(filter, self.filter.state()));
+                (averaged, likelihood.status())
+            }
+        }
+    }
+
+    fn retune(&mut self, config: &FilterConfig<f32>, noise: &ChannelNoise) {
+        self.filter.retune(noise.model(config, config.step_s), noise.prior(config));
+        self.in_use = *noise;
+        self.retunes = self.retunes.saturating_add(1);
+    }
+}
+
+/// The velocity error if it can be used, and in the status why not.
+pub(super) fn usable(reading: &Reading<f32>, config: &ModuleConfig, status: &mut Status) -> Option<f32> {
+    let finite = reading.value.is_finite();
+    let problem = match reading.quality {
+        Quality::Missing => Status::VELOCITY_MISSING,
+        Quality::Good if !finite => Status::VELOCITY_MISSING,
+        Quality::Saturated => Status::VELOCITY_SATURATED,
+        Quality::Good if reading.value.abs() > config.velocity_range => Status::VELOCITY_SATURATED,
+        Quality::Good if reading.age_ms > config.max_age_ms => Status::VELOCITY_STALE,
+        Quality::Good => return Some(reading.value),
+    };
+    *status |= problem;
+    None
+}

@@ -1,0 +1,328 @@
+//! How rows of the catalogue make their candidates: amplitudes in the sensor's unit, grids, instruments.
+use schuler_recording::case::SensorKind;
+use schuler_recording::unit::{Dimension, STANDARD_GRAVITY, Unit};
+
+use super::{Amplitude, Candidate, Column, Effect, Nonlinear, Port, Search, Signature, Target};
+use crate::inputs::{Inputs, Place};
+
+/// How much larger the errors of micromechanical sensors can be.
+const MICROMECHANICAL: f64 = 1e3;
+/// Columns below this part of the largest one are left out of a signature: the motion does not show them.
+const LEAST_COLUMN: f64 = 1e-4;
+
+/// What a coefficient is per: text in the unit, and its value in SI.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Per(pub(super) &'static str, pub(super) f64);
+
+/// Per nothing.
+pub(super) const ITSELF: Per = Per("", 1.0);
+pub(super) const KELVIN: Per = Per("K", 1.0);
+pub(super) const KELVIN_SQUARED: Per = Per("K^2", 1.0);
+pub(super) const KELVIN_CUBED: Per = Per("K^3", 1.0);
+pub(super) const KELVIN_PER_HOUR: Per = Per("(K/h)", 1.0 / 3600.0);
+pub(super) const KELVIN_PER_METRE: Per = Per("(K/m)", 1.0);
+pub(super) const HOUR: Per = Per("h", 3600.0);
+pub(super) const VOLT: Per = Per("V", 1.0);
+pub(super) const KILOPASCAL: Per = Per("kPa", 1e3);
+pub(super) const GAUSS: Per = Per("G", 1e-4);
+pub(super) const MILLIRADIAN: Per = Per("mrad", 1e-3);
+pub(super) const G: Per = Per("g", STANDARD_GRAVITY);
+pub(super) const G_SQUARED: Per = Per("g^2", STANDARD_GRAVITY * STANDARD_GRAVITY);
+pub(super) const G_CUBED: Per = Per("g^3", STANDARD_GRAVITY * STANDARD_GRAVITY * STANDARD_GRAVITY);
+pub(super) const G_KELVIN: Per = Per("g/K", STANDARD_GRAVITY);
+pub(super) const RATE_SQUARED: Per = Per("(rad/s)^2", 1.0);
+pub(super) const RATE_CUBED: Per = Per("(rad/s)^3", 1.0);
+
+/// Plausible magnitudes of a coefficient: °/h per unit for gyros, µg per unit for accelerometers, m/s for velocities.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Plausible {
+    pub(super) gyro: Option<[f64; 2]>,
+    pub(super) accelerometer: Option<[f64; 2]>,
+    pub(super) velocity: Option<[f64; 2]>,
+}
+
+impl Plausible {
+    /// Nothing is known.
+    pub(super) const UNKNOWN: Self = Self { gyro: None, accelerometer: None, velocity: None };
+
+    /// Of gyros and accelerometers.
+    pub(super) const fn inertial(gyro: [f64; 2], accelerometer: [f64; 2]) -> Self {
+        Self { gyro: Some(gyro), accelerometer: Some(accelerometer), velocity: None }
+    }
+
+    /// Of gyros.
+    pub(super) const fn gyro(gyro: [f64; 2]) -> Self {
+        Self { gyro: Some(gyro), accelerometer: None, velocity: None }
+    }
+
+    /// Of accelerometers.
+    pub(super) const fn accelerometer(accelerometer: [f64; 2]) -> Self {
+        Self { gyro: None, accelerometer: Some(accelerometer), velocity: None }
+    }
+
+    /// In the unit of the place.
+    fn at(&self, place: &Place) -> Option<[f64; 2]> {
+        let (range, unit) = match place.dimension() {
+            Dimension::AngularRate => (self.gyro, Unit::DegreePerHour),
+            Dimension::Acceleration => (self.accelerometer, Unit::MicroG),
+            Dimension::Velocity => (self.velocity, Unit::MetrePerSecond),
+        };
+        range.map(|range| widened(place, range.map(|value| value * unit.in_si() / place.unit.in_si())))
+    }
+}
+
+/// A plausible range, wider upwards for micromechanical sensors.
+fn widened(place: &Place, [least, most]: [f64; 2]) -> [f64; 2] {
+    [least, if place.micromechanical { most * MICROMECHANICAL } else { most }]
+}
+
+/// The amplitude `name` of a signature at `place` that is per `per` (whose values in the signature are SI).
+pub(super) fn amplitude(place: &Place, name: &str, per: Per, plausible: Plausible) -> Amplitude {
+    let unit = place.unit.name();
+    Amplitude {
+        name: name.to_owned(),
+        unit: if per.0.is_empty() { unit.to_owned() } else { format!("{unit}/{}", per.0) },
+        in_unit: per.1 / place.unit.in_si(),
+        plausible: plausible.at(place),
+    }
+}
+
+/// The amplitude `coefficient`.
+pub(super) fn coefficient(place: &Place, per: Per, plausible: Plausible) -> Amplitude {
+    amplitude(place, "coefficient", per, plausible)
+}
+
+/// An amplitude whose unit does not depend on the sensor's, e.g. ppm, with the plausible range in that unit.
+pub(super) fn number(name: &str, unit: &str, in_unit: f64, plausible: Option<[f64; 2]>) -> Amplitude {
+    Amplitude { name: name.to_owned(), unit: unit.to_owned(), in_unit, plausible }
+}
+
+/// The amplitude `coefficient` in ppm.
+pub(super) fn ppm(place: &Place, plausible: [f64; 2]) -> Amplitude {
+    number("coefficient", "ppm", 1e6, Some(widened(place, plausible)))
+}
+
+/// The amplitude `coefficient` in arcseconds.
+pub(super) fn arcseconds(place: &Place, plausible: [f64; 2]) -> Amplitude {
+    number("coefficient", "arcsec", RADIAN_IN_ARCSECONDS, Some(widened(place, plausible)))
+}
+
+/// One radian in arcseconds.
+pub(super) const RADIAN_IN_ARCSECONDS: f64 = 648_000.0 / std::f64::consts::PI;
+
+/// A candidate but for where it acts.
+pub(super) struct Draft {
+    pub(super) variant: Vec<(&'static str, String)>,
+    pub(super) search: Search,
+    pub(super) amplitudes: Vec<Amplitude>,
+}
+
+impl Draft {
+    /// A search without a signature, or with its own.
+    pub(super) fn new(search: Search, amplitudes: Vec<Amplitude>) -> Self {
+        Self { variant: Vec::new(), search, amplitudes }
+    }
+
+    /// One column at one place.
+    pub(super) fn linear(place: &Place, values: Vec<f64>, amplitude: Amplitude) -> Self {
+        Self::new(Search::Linear(Signature { columns: vec![at(place, values)] }), vec![amplitude])
+    }
+
+    /// Another reference than the one taken adds a multiple of what multiplies the quantity, `factor`: where the
+    /// reference is not known, that multiple is an amplitude of its own, so that it is not taken for another effect.
+    pub(super) fn with_free_reference(mut self, place: &Place, factor: Vec<f64>) -> Self {
+        let shift = at(place, factor);
+        self.search = match self.search {
+            Search::Linear(mut signature) => {
+                signature.columns.push(shift);
+                Search::Linear(signature)
+            }
+            Search::Grid { parameters, signature, unit_amplitude } => Search::Grid {
+                parameters,
+                signature: Box::new(move |point| {
+                    let mut at_point = signature(point);
+                    at_point.columns.push(shift.clone());
+                    at_point
+                }),
+                unit_amplitude,
+            },
+            other => other,
+        };
+        if let Some(first) = self.amplitudes.first() {
+            let per = first.unit.rfind("/(").or_else(|| first.unit.rfind('/'));
+            let unit = first.unit[..per.unwrap_or(first.unit.len())].to_owned();
+            let at_mean = Amplitude { name: "at_mean".to_owned(), unit, plausible: None, ..first.clone() };
+            self.amplitudes.push(at_mean);
+        }
+        self
+    }
+
+    /// Several columns at one place.
+    pub(super) fn columns(place: &Place, columns: Vec<(Vec<f64>, Amplitude)>) -> Self {
+        let (columns, amplitudes) =
+            columns.into_iter().map(|(values, amplitude)| (at(place, values), amplitude)).unzip();
+        Self::new(Search::Linear(Signature { columns }), amplitudes)
+    }
+
+    /// One column at one place that depends on a parameter not linearly.
+    pub(super) fn grid(
+        place: &Place,
+        parameter: Nonlinear,
+        amplitude: Amplitude,
+        values: impl Fn(f64) -> Vec<f64> + Send + Sync + 'static,
+    ) -> Self {
+        let sensor = place.sensor;
+        let signature = move |parameters: &[f64]| {
+            let values = parameters.first().map_or_else(Vec::new, |&parameter| values(parameter));
+            Signature { columns: vec![Column { parts: vec![(sensor, values)] }] }
+        };
+        let search = Search::Grid {
+            parameters: vec![parameter],
+            signature: Box::new(signature),
+            unit_amplitude: false,
+        };
+        Self::new(search, vec![amplitude])
+    }
+
+    /// The same, with a word that says which of several it is.
+    pub(super) fn with(mut self, name: &'static str, value: impl Into<String>) -> Self {
+        self.variant.push((name, value.into()));
+        self
+    }
+
+    /// The same at its target.
+    pub(super) fn of(self, effect: &'static Effect, target: Target, port: Port) -> Candidate {
+        let Self { variant, search, amplitudes } = self;
+        Candidate { effect, target, port, variant, search, amplitudes }
+    }
+}
+
+/// A column at one place.
+fn at(place: &Place, values: Vec<f64>) -> Column {
+    Column { parts: vec![(place.sensor, values)] }
+}
+
+/// The candidates at every place on whose kind the effect acts.
+pub(super) fn at_each_place(
+    effect: &'static Effect,
+    inputs: &Inputs<'_>,
+    drafts: impl Fn(&Place) -> Vec<Draft>,
+) -> Vec<Candidate> {
+    (inputs.places.iter())
+        .filter(|place| (effect.acts_on)(place.kind))
+        .flat_map(|place| {
+            let target = || Target::Sensor(place.sensor);
+            drafts(place).into_iter().map(move |draft| draft.of(effect, target(), place.port))
+        })
+        .collect()
+}
+
+/// The same but for the velocity of a Schuler loop, which is read by radio or log and has no errors of this kind.
+pub(super) fn at_each_instrument_place(
+    effect: &'static Effect,
+    inputs: &Inputs<'_>,
+    drafts: impl Fn(&Place) -> Vec<Draft>,
+) -> Vec<Candidate> {
+    at_each_place(effect, inputs, |place| {
+        if inputs.is_loop() && place.port == Port::Output { Vec::new() } else { drafts(place) }
+    })
+}
+
+/// Sensors that share an effect: a group, or a sensor that belongs to none.
+pub(super) struct Instrument<'i> {
+    pub(super) target: Target,
+    pub(super) places: Vec<&'i Place>,
+}
+
+/// Every instrument, with those of its sensors on which the effect acts and which `has` what is needed.
+pub(super) fn instruments<'i>(
+    effect: &'static Effect,
+    inputs: &'i Inputs<'_>,
+    has: impl Fn(&Place) -> bool,
+) -> Vec<Instrument<'i>> {
+    let mut instruments: Vec<Instrument<'i>> = Vec::new();
+    for place in inputs.places.iter().filter(|place| (effect.acts_on)(place.kind) && has(place)) {
+        let group = place.group.as_deref().filter(|_| !inputs.is_loop());
+        let known = instruments.iter_mut().find(
+            |known| matches!(&known.target, Target::Group { name, .. } if Some(name.as_str()) == group),
+        );
+        match (known, group) {
+            (Some(known), _) => known.places.push(place),
+            (None, group) => {
+                let target = match group {
+                    Some(name) => Target::Group { name: name.to_owned(), sensors: Vec::new() },
+                    None => Target::Sensor(place.sensor),
+                };
+                instruments.push(Instrument { target, places: vec![place] });
+            }
+        }
+    }
+    for instrument in &mut instruments {
+        if let Target::Group { sensors, .. } = &mut instrument.target {
+            *sensors = instrument.places.iter().map(|place| place.sensor).collect();
+        }
+    }
+    instruments
+}
+
+/// Columns that the motion shows, with their amplitudes; the others are left out.
+pub(super) fn seen(columns: Vec<(Column, Amplitude)>) -> (Signature, Vec<Amplitude>) {
+    let size = |column: &Column| {
+        column.parts.iter().flat_map(|(_, values)| values).fold(0.0_f64, |most, value| most.max(value.abs()))
+    };
+    let largest = columns.iter().map(|(column, _)| size(column)).fold(0.0, f64::max);
+    let (columns, amplitudes) =
+        columns.into_iter().filter(|(column, _)| size(column) > LEAST_COLUMN * largest).unzip();
+    (Signature { columns }, amplitudes)
+}
+
+/// `per_decade` points in each decade from `low` to `high`, both included; none if `low` is not below `high`.
+pub(super) fn logarithmic(low: f64, high: f64, per_decade: f64) -> Vec<f64> {
+    if !(low > 0.0 && high > low) {
+        return Vec::new();
+    }
+    let steps = ((high / low).log10() * per_decade).ceil().max(1.0);
+    (0..=steps as usize).map(|k| low * (high / low).powf(k as f64 / steps)).collect()
+}
+
+/// The parameter `tau_s`, from `low` to `high` as far as steps and length of the record show it; none if they do not.
+pub(super) fn time_constant(inputs: &Inputs<'_>, low: f64, high: f64) -> Option<Nonlinear> {
+    let duration_s = inputs.duration_s();
+    let low = low.min(duration_s / 20.0).max(2.0 * inputs.recording.step_s);
+    let grid = logarithmic(low, high.min(duration_s), 4.0);
+    (grid.len() > 1).then_some(Nonlinear { name: "tau_s", unit: "s", grid })
+}
+
+pub(super) const fn any(_: SensorKind) -> bool {
+    true
+}
+
+pub(super) const fn gyros(kind: SensorKind) -> bool {
+    matches!(kind.dimension(), Dimension::AngularRate)
+}
+
+pub(super) const fn tuned_gyros(kind: SensorKind) -> bool {
+    matches!(kind, SensorKind::Dtg)
+}
+
+/// Gyros with a moving mass.
+pub(super) const fn massive_gyros(kind: SensorKind) -> bool {
+    matches!(kind, SensorKind::Dtg | SensorKind::MemsGyro)
+}
+
+pub(super) const fn accelerometers(kind: SensorKind) -> bool {
+    matches!(kind.dimension(), Dimension::Acceleration)
+}
+
+pub(super) const fn inertial(kind: SensorKind) -> bool {
+    gyros(kind) || accelerometers(kind)
+}
+
+pub(super) const fn velocities(kind: SensorKind) -> bool {
+    matches!(kind.dimension(), Dimension::Velocity)
+}
+
+/// Sensors whose lever arm shows in their reading.
+pub(super) const fn displaced(kind: SensorKind) -> bool {
+    accelerometers(kind) || velocities(kind)
+}

@@ -1,0 +1,69 @@
+//! What readings show of a failure without a model of the sensor.
+use super::draft::{Draft, any, at_each_place};
+use super::{Candidate, Effect, Port, ReadingFault, Search};
+use crate::inputs::Inputs;
+
+const SOURCE: &str =
+    "IEEE Std 528; failure modes as in Titterton & Weston, Strapdown Inertial Navigation Technology";
+
+/// A row of the catalogue that is judged from the readings.
+macro_rules! failure {
+    ($name:ident, $id:literal, $formula:literal, $sentence:literal, $needs:literal, $separated_by:literal, $fault:expr) => {
+        pub(super) const $name: Effect = Effect {
+            id: $id,
+            formula: $formula,
+            sentence: $sentence,
+            needs: $needs,
+            separated_by: $separated_by,
+            source: SOURCE,
+            acts_on: any,
+            candidates: |effect, inputs| readings(effect, inputs, $fault),
+        };
+    };
+}
+
+failure!(
+    OUTPUT_STUCK,
+    "output_stuck",
+    "output constant from t₀",
+    "is stuck",
+    "nothing",
+    "turn the sensor: a stuck output does not answer",
+    ReadingFault::Stuck
+);
+failure!(
+    OUTPUT_SATURATED,
+    "output_saturated",
+    "clipped at ±limit",
+    "is clipped at a limit",
+    "inputs beyond the limit",
+    "the same motion with less amplitude",
+    ReadingFault::Saturated
+);
+failure!(
+    QUANTISATION,
+    "quantisation",
+    "rounding to a step",
+    "is read in coarser steps than nominal",
+    "nothing",
+    "log the raw words",
+    ReadingFault::Quantised
+);
+failure!(
+    INTERMITTENT_JUMP,
+    "intermittent_jump",
+    "a Markov on/off shift of the mean",
+    "jumps on and off",
+    "nothing",
+    "repeat with another antenna or another bottom: a radio or acoustic fault changes, a sensor's does not",
+    ReadingFault::IntermittentJump
+);
+
+fn readings(effect: &'static Effect, inputs: &Inputs<'_>, fault: ReadingFault) -> Vec<Candidate> {
+    at_each_place(effect, inputs, |place| {
+        if place.port != Port::Output {
+            return Vec::new();
+        }
+        vec![Draft::new(Search::Readings(fault), Vec::new())]
+    })
+}

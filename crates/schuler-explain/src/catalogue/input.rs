@@ -1,0 +1,262 @@
+//! Errors that follow the sensor's own input: scale factor and its non-linearity, misalignment, cross coupling.
+use nalgebra::Vector3;
+use schuler_recording::unit::Dimension;
+
+use super::draft::{
+    Draft, G_CUBED, G_SQUARED, Instrument, Per, Plausible, RADIAN_IN_ARCSECONDS, RATE_CUBED, RATE_SQUARED,
+    accelerometers, any, arcseconds, at_each_place, coefficient, inertial, instruments, logarithmic, number,
+    ppm, seen,
+};
+use super::{Column, Effect, Nonlinear, Search, Signature, Target};
+use crate::inputs::series::{both_signs, map, product, quantile_of_magnitude, varies};
+use crate::inputs::{Inputs, Place, Series};
+
+/// A dead zone is searched between these parts of the magnitudes of the input.
+const DEAD_ZONE_PARTS: [f64; 2] = [0.005, 0.6];
+/// The smaller of the two must be below this part of the larger, or the input is never small.
+const SMALL_INPUT: f64 = 0.2;
+
+const IEEE_1293: &str =
+    "IEEE Std 1293 (model equation of accelerometers), IEEE Std 836 (centrifuge), IEEE Std 1559 (systems)";
+
+pub(super) const SCALE_FACTOR: Effect = Effect {
+    id: "scale_factor",
+    formula: "k·u",
+    sentence: "has another scale factor",
+    needs: "input varies",
+    separated_by: "rates or positions of several sizes and both signs at constant temperature",
+    source: "IEEE Std 528; IEEE Std 292 and 1293 for accelerometers",
+    acts_on: any,
+    candidates: |effect, inputs| {
+        let mut candidates = at_each_place(effect, inputs, |place| {
+            (varying(place).into_iter())
+                .map(|input| Draft::linear(place, input.to_vec(), ppm(place, [10.0, 200.0])))
+                .collect()
+        });
+        // One factor for all sensors of an instrument that measure the same: of a clock, of the speed of sound.
+        for instrument in instruments(effect, inputs, |place| varying(place).is_some()) {
+            let Target::Group { name, .. } = &instrument.target else { continue };
+            for dimension in [Dimension::AngularRate, Dimension::Acceleration, Dimension::Velocity] {
+                let places: Vec<&&Place> =
+                    instrument.places.iter().filter(|place| place.dimension() == dimension).collect();
+                let [first, _, ..] = places.as_slice() else { continue };
+                let parts =
+                    (places.iter()).filter_map(|place| Some((place.sensor, place.input.as_ref()?.to_vec())));
+                let column = Column { parts: parts.collect() };
+                let sensors = places.iter().map(|place| place.sensor).collect();
+                let target = Target::Group { name: name.clone(), sensors };
+                let search = Search::Linear(Signature { columns: vec![column] });
+                candidates
+                    .push(Draft::new(search, vec![ppm(first, [10.0, 2e4])]).of(effect, target, first.port));
+            }
+        }
+        candidates
+    },
+};
+
+pub(super) const SCALE_FACTOR_ASYMMETRY: Effect = Effect {
+    id: "scale_factor_asymmetry",
+    formula: "k·|u|",
+    sentence: "has different scale factors for inputs of either sign",
+    needs: "input of both signs",
+    separated_by: "equal and opposite rates or positions",
+    source: IEEE_1293,
+    acts_on: any,
+    candidates: |effect, inputs| {
+        of_input(effect, inputs, both_signs, |place, input| (map(input, f64::abs), ppm(place, [5.0, 50.0])))
+    },
+};
+
+pub(super) const SCALE_FACTOR_QUADRATIC: Effect = Effect {
+    id: "scale_factor_quadratic",
+    formula: "k·u²",
+    sentence: "has an error with the square of its input",
+    needs: "amplitude of the input varies",
+    separated_by: "centrifuge or rates at several sizes; vibration along the axis shows it as a constant",
+    source: IEEE_1293,
+    acts_on: inertial,
+    candidates: |effect, inputs| {
+        of_input(effect, inputs, amplitude_varies, |place, input| {
+            let plausible = Plausible::accelerometer([1.0, 20.0]);
+            (map(input, |u| u * u), coefficient(place, squared(place), plausible))
+        })
+    },
+};
+
+pub(super) const SCALE_FACTOR_CUBIC: Effect = Effect {
+    id: "scale_factor_cubic",
+    formula: "k·u³",
+    sentence: "has an error with the cube of its input",
+    needs: "large amplitude of the input",
+    separated_by: "centrifuge or rates at several sizes and both signs",
+    source: IEEE_1293,
+    acts_on: inertial,
+    candidates: |effect, inputs| {
+        of_input(effect, inputs, amplitude_varies, |place, input| {
+            let per = if accelerometers(place.kind) { G_CUBED } else { RATE_CUBED };
+            (map(input, |u| u * u * u), coefficient(place, per, Plausible::accelerometer([0.1, 10.0])))
+        })
+    },
+};
+
+pub(super) const SCALE_FACTOR_ODD_QUADRATIC: Effect = Effect {
+    id: "scale_factor_odd_quadratic",
+    formula: "k·u·|u|",
+    sentence: "has an error with the square of its input that takes the input's sign",
+    needs: "amplitude of the input varies, both signs",
+    separated_by: "centrifuge or rates at several sizes and both signs",
+    source: IEEE_1293,
+    acts_on: inertial,
+    candidates: |effect, inputs| {
+        let has = |input: &[f64]| amplitude_varies(input) && both_signs(input);
+        of_input(effect, inputs, has, |place, input| {
+            let plausible = Plausible::accelerometer([1.0, 20.0]);
+            (map(input, |u| u * u.abs()), coefficient(place, squared(place), plausible))
+        })
+    },
+};
+
+pub(super) const MISALIGNMENT: Effect = Effect {
+    id: "misalignment",
+    formula: "k_j·u_j, j across the axis",
+    sentence: "is turned from its axis",
+    needs: "rotation about all axes, or all faces up",
+    separated_by: "rotate about each axis in turn, or put each face up",
+    source: IEEE_1293,
+    acts_on: any,
+    candidates: |effect, inputs| {
+        let mut candidates = at_each_place(effect, inputs, |place| {
+            let across = place.axes.across().into_iter().filter_map(|(name, axis)| {
+                place.input.as_ref()?;
+                let input = inputs.input_along(place, &axis).filter(|input| varies(input))?;
+                Some(Draft::linear(place, input, arcseconds(place, [5.0, 60.0])).with("axis", name))
+            });
+            across.collect()
+        });
+        for instrument in instruments(effect, inputs, |place| place.input.is_some()) {
+            candidates.extend(mounting(effect, inputs, &instrument));
+        }
+        candidates
+    },
+};
+
+pub(super) const CROSS_COUPLING: Effect = Effect {
+    id: "cross_coupling",
+    formula: "k·f_i·f_j",
+    sentence: "has an error with the product of the forces along and across its axis",
+    needs: "both forces vary",
+    separated_by: "faces up at 45° about each axis",
+    source: IEEE_1293,
+    acts_on: accelerometers,
+    candidates: |effect, inputs| {
+        at_each_place(effect, inputs, |place| {
+            let Some(along) = place.input.as_ref() else { return Vec::new() };
+            let across = place.axes.across().into_iter().filter_map(|(name, axis)| {
+                let across = inputs.force_along(&axis)?;
+                let values = product(along, &across);
+                let amplitude = coefficient(place, G_SQUARED, Plausible::accelerometer([1.0, 30.0]));
+                let shown = varies(along) && varies(&across) && varies(&values);
+                shown.then(|| Draft::linear(place, values, amplitude).with("axis", name))
+            });
+            across.collect()
+        })
+    },
+};
+
+pub(super) const DEAD_ZONE: Effect = Effect {
+    id: "dead_zone",
+    formula: "0 for |u| < u₀",
+    sentence: "does not answer to small inputs",
+    needs: "small inputs",
+    separated_by: "rates below and above the threshold, up and down",
+    source: "IEEE Std 528, threshold and dead band",
+    acts_on: any,
+    candidates: |effect, inputs| {
+        at_each_place(effect, inputs, |place| {
+            let Some(input) = varying(place).cloned() else { return Vec::new() };
+            let [low, high] = DEAD_ZONE_PARTS.map(|part| quantile_of_magnitude(&input, part));
+            if low > SMALL_INPUT * high {
+                return Vec::new();
+            }
+            // The least that a grid can start from where the input is often 0.
+            let grid = logarithmic(low.max(1e-3 * high), high, 8.0);
+            if grid.len() < 2 {
+                return Vec::new();
+            }
+            let sensor = place.sensor;
+            let signature = move |parameters: &[f64]| {
+                let threshold = parameters.first().copied().unwrap_or_default();
+                let values = map(&input, |u| if u.abs() < threshold { -u } else { 0.0 });
+                Signature { columns: vec![Column { parts: vec![(sensor, values)] }] }
+            };
+            let parameter = Nonlinear { name: "threshold", unit: place.dimension().si_unit().name(), grid };
+            let search = Search::Grid {
+                parameters: vec![parameter],
+                signature: Box::new(signature),
+                unit_amplitude: true,
+            };
+            vec![Draft::new(search, vec![number("part", "1", 1.0, None)])]
+        })
+    },
+};
+
+/// The input of a place, if it varies.
+pub(super) fn varying(place: &Place) -> Option<&Series> {
+    place.input.as_ref().filter(|input| varies(input))
+}
+
+/// One column at each place whose input varies as `has` says.
+fn of_input(
+    effect: &'static Effect,
+    inputs: &Inputs<'_>,
+    has: impl Fn(&[f64]) -> bool,
+    column: impl Fn(&Place, &[f64]) -> (Vec<f64>, super::Amplitude),
+) -> Vec<super::Candidate> {
+    at_each_place(effect, inputs, |place| {
+        (varying(place).filter(|input| has(input)).into_iter())
+            .map(|input| {
+                let (values, amplitude) = column(place, input);
+                Draft::linear(place, values, amplitude)
+            })
+            .collect()
+    })
+}
+
+fn amplitude_varies(input: &[f64]) -> bool {
+    varies(&map(input, f64::abs))
+}
+
+fn squared(place: &Place) -> Per {
+    if accelerometers(place.kind) { G_SQUARED } else { RATE_SQUARED }
+}
+
+/// A small rotation ε of a whole instrument: each axis a becomes a + ε × a, so its sensor reads ε·(a × u) more.
+fn mounting(
+    effect: &'static Effect,
+    inputs: &Inputs<'_>,
+    instrument: &Instrument<'_>,
+) -> Option<super::Candidate> {
+    let Target::Group { .. } = &instrument.target else { return None };
+    let first = instrument.places.first()?;
+    let parallel =
+        (instrument.places.iter()).all(|place| place.axes.input.cross(&first.axes.input).norm() < 1e-3);
+    if parallel {
+        return None;
+    }
+    let columns = [("angle_x", Vector3::x()), ("angle_y", Vector3::y()), ("angle_z", Vector3::z())];
+    let columns = columns.map(|(name, about)| {
+        let parts = instrument.places.iter().filter_map(|place| {
+            // ε·(a × u) = (ε × a)·u.
+            Some((place.sensor, inputs.input_along(place, &about.cross(&place.axes.input))?))
+        });
+        let plausible = Some([5.0, if first.micromechanical { 6e4 } else { 3600.0 }]);
+        (Column { parts: parts.collect() }, number(name, "arcsec", RADIAN_IN_ARCSECONDS, plausible))
+    });
+    let moves = columns.iter().any(|(column, _)| column.parts.iter().any(|(_, values)| varies(values)));
+    if !moves {
+        return None;
+    }
+    let (signature, amplitudes) = seen(columns.to_vec());
+    let target = instrument.target.clone();
+    Some(Draft::new(Search::Linear(signature), amplitudes).of(effect, target, first.port))
+}

@@ -1,0 +1,225 @@
+//! Errors of a whole instrument: time, bandwidth, place, and the Earth's rate that its simulation projects.
+//!
+//! Sensors of one group share them, and the finding is the group's; a sensor without a group has them alone.
+use nalgebra::Vector3;
+use schuler_recording::motion::earth;
+use schuler_recording::unit::Dimension;
+
+use super::draft::{Draft, Instrument, any, displaced, gyros, instruments, logarithmic, number, seen};
+use super::input::varying;
+use super::{Candidate, Column, Effect, Nonlinear, Port, Search, Signature, Target};
+use crate::inputs::motion::{of_rows, row_of};
+use crate::inputs::series::{delayed, lagged_smooth, varies};
+use crate::inputs::{Inputs, Place, Series};
+
+/// Delays searched, s.
+const DELAYS_S: [f64; 2] = [1e-3, 2.0];
+/// Points in a decade of delays or lags.
+const PER_DECADE: f64 = 3.0;
+/// Smallest lag searched, s.
+const LEAST_LAG_S: f64 = 1e-3;
+/// Largest lag of inertial sensors and of velocities.
+const MOST_LAG_S: [f64; 2] = [0.6, 2.0];
+
+pub(super) const TIME_DELAY: Effect = Effect {
+    id: "time_delay",
+    formula: "u(t − d) − u(t)",
+    sentence: "comes late",
+    needs: "changing input",
+    separated_by: "oscillate at several frequencies: a delay's phase grows with frequency, its gain stays",
+    source: "IEEE Std 1559 (inertial systems), data latency",
+    acts_on: any,
+    candidates: |effect, inputs| {
+        let longest = DELAYS_S[1].min(inputs.duration_s() / 20.0);
+        let late = logarithmic(DELAYS_S[0], longest, PER_DECADE);
+        if late.len() < 2 {
+            return Vec::new();
+        }
+        // The reference can be the late one.
+        let grid: Vec<f64> = late.iter().rev().map(|delay| -delay).chain(late.iter().copied()).collect();
+        whole(
+            effect,
+            inputs,
+            |_| Nonlinear { name: "delay_s", unit: "s", grid: grid.clone() },
+            |time_s, input, delay_s| {
+                let late = delayed(time_s, input, delay_s);
+                late.zip(input).map(|(late, now)| late.map_or(0.0, |late| late - now)).collect()
+            },
+        )
+    },
+};
+
+pub(super) const BANDWIDTH_LAG: Effect = Effect {
+    id: "bandwidth_lag",
+    formula: "LP_τ(u) − u",
+    sentence: "has less bandwidth than its simulation",
+    needs: "changing input",
+    separated_by: "oscillate at several frequencies: a lag loses gain as its phase grows, a delay does not",
+    source: "IEEE Std 528, frequency response",
+    acts_on: any,
+    candidates: |effect, inputs| {
+        let parameter = |place: &Place| {
+            let most = MOST_LAG_S[usize::from(place.dimension() == Dimension::Velocity)];
+            Nonlinear { name: "tau_s", unit: "s", grid: logarithmic(LEAST_LAG_S, most, PER_DECADE) }
+        };
+        let signature = |time_s: &[f64], input: &[f64], tau_s: f64| -> Vec<f64> {
+            lagged_smooth(time_s, input, tau_s).iter().zip(input).map(|(lagged, now)| lagged - now).collect()
+        };
+        let mut candidates = whole(effect, inputs, parameter, signature);
+        // A sensor of a group can also have a lag of its own.
+        for instrument in instruments(effect, inputs, |place| varying(place).is_some()) {
+            if instrument.places.len() < 2 {
+                continue;
+            }
+            for place in &instrument.places {
+                let alone = Instrument { target: Target::Sensor(place.sensor), places: vec![place] };
+                candidates.extend(shared(effect, inputs, &alone, parameter(place), signature));
+            }
+        }
+        candidates
+    },
+};
+
+pub(super) const LEVER_ARM: Effect = Effect {
+    id: "lever_arm",
+    formula: "ω̇ × r + ω × (ω × r) on accelerometers, ω × r on velocities",
+    sentence: "sits elsewhere than its simulation says",
+    needs: "rotation, about two axes for all three components",
+    separated_by: "rotate about two axes in turn at the same place",
+    source: "Groves, Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems, 2nd ed., ch. 2 and 5",
+    acts_on: displaced,
+    candidates: |effect, inputs| {
+        let (Some(rate), Some(acceleration)) = (&inputs.motion.rate, &inputs.motion.angular_acceleration)
+        else {
+            return Vec::new();
+        };
+        if !rate.iter().any(|axis| varies(axis)) {
+            return Vec::new();
+        }
+        let over_earth = rate_over_earth(inputs, rate);
+        let displacement = |place: &Place, arm: &Vector3<f64>| -> Vec<f64> {
+            let reading = |row: usize| {
+                if place.dimension() == Dimension::Velocity {
+                    return row_of(&over_earth, row).cross(arm);
+                }
+                let rate = row_of(rate, row);
+                row_of(acceleration, row).cross(arm) + rate.cross(&rate.cross(arm))
+            };
+            (0..inputs.rows()).map(|row| place.axes.input.dot(&reading(row))).collect()
+        };
+        let mut candidates = Vec::new();
+        for instrument in
+            instruments(effect, inputs, |place| place.input.is_some() && place.port == Port::Output)
+        {
+            let arms = [("arm_x_m", Vector3::x()), ("arm_y_m", Vector3::y()), ("arm_z_m", Vector3::z())];
+            let columns = arms.map(|(name, arm)| {
+                let parts = instrument.places.iter().map(|place| (place.sensor, displacement(place, &arm)));
+                (Column { parts: parts.collect() }, number(name, "m", 1.0, Some([0.01, 20.0])))
+            });
+            let moves =
+                columns.iter().any(|(column, _)| column.parts.iter().any(|(_, values)| varies(values)));
+            if moves {
+                let (signature, amplitudes) = seen(columns.to_vec());
+                let draft = Draft::new(Search::Linear(signature), amplitudes);
+                candidates.push(draft.of(effect, instrument.target, Port::Output));
+            }
+        }
+        candidates
+    },
+};
+
+pub(super) const EARTH_RATE_ATTITUDE: Effect = Effect {
+    id: "earth_rate_attitude",
+    formula: "−δψ·Ω cos φ·(east)_i, or −δφ·Ω·(sin φ north + cos φ down)_i",
+    sentence: "feels the Earth's rate at another heading or latitude than its simulation",
+    needs: "rotation, or three axes; known attitude",
+    separated_by: "turn to other headings: an error of heading goes round with it, a bias stays",
+    source: "gyrocompassing; Groves, 2nd ed., ch. 5",
+    acts_on: gyros,
+    candidates: |effect, inputs| {
+        let (Some(north), Some(down), Some(site)) =
+            (&inputs.motion.north, &inputs.motion.down, inputs.recording.case.site)
+        else {
+            return Vec::new();
+        };
+        let (sin, cos) = site.latitude_deg.to_radians().sin_cos();
+        let omega = earth::ROTATION_RATE;
+        let heading = of_rows(inputs.rows(), |row| {
+            let (north, down) = (row_of(north, row), row_of(down, row));
+            -omega * cos * down.cross(&north)
+        });
+        let latitude =
+            of_rows(inputs.rows(), |row| -omega * (sin * row_of(north, row) + cos * row_of(down, row)));
+        let mut candidates = Vec::new();
+        for instrument in instruments(effect, inputs, |place| place.input.is_some()) {
+            for (name, vectors) in [("heading_deg", &heading), ("latitude_deg", &latitude)] {
+                let along = |place: &&Place| crate::inputs::motion::along(&place.axes.input, vectors);
+                let parts: Vec<(usize, Vec<f64>)> =
+                    instrument.places.iter().map(|place| (place.sensor, along(place))).collect();
+                let turns = parts.iter().any(|(_, values)| varies(values));
+                let shown = instrument.places.iter().filter(|place| !place.relative).count() > 2;
+                if turns || shown {
+                    let amplitude = number(name, "deg", 180.0 / std::f64::consts::PI, Some([0.01, 1.0]));
+                    let signature = Signature { columns: vec![Column { parts }] };
+                    let draft = Draft::new(Search::Linear(signature), vec![amplitude]);
+                    let target = instrument.target.clone();
+                    candidates.push(draft.with("angle", name.trim_end_matches("_deg")).of(
+                        effect,
+                        target,
+                        Port::Output,
+                    ));
+                }
+            }
+        }
+        candidates
+    },
+};
+
+/// The candidates of every instrument for a signature of its sensors' own inputs with one parameter and no amplitude.
+fn whole(
+    effect: &'static Effect,
+    inputs: &Inputs<'_>,
+    parameter: impl Fn(&Place) -> Nonlinear,
+    signature: impl Fn(&[f64], &[f64], f64) -> Vec<f64> + Copy + Send + Sync + 'static,
+) -> Vec<Candidate> {
+    (instruments(effect, inputs, |place| varying(place).is_some()).iter())
+        .filter_map(|instrument| {
+            let parameter = parameter(instrument.places.first()?);
+            shared(effect, inputs, instrument, parameter, signature)
+        })
+        .collect()
+}
+
+fn shared(
+    effect: &'static Effect,
+    inputs: &Inputs<'_>,
+    instrument: &Instrument<'_>,
+    parameter: Nonlinear,
+    signature: impl Fn(&[f64], &[f64], f64) -> Vec<f64> + Copy + Send + Sync + 'static,
+) -> Option<Candidate> {
+    let port = instrument.places.first()?.port;
+    let time_s = inputs.time_s.clone();
+    let series: Vec<(usize, Series)> =
+        (instrument.places.iter()).filter_map(|place| Some((place.sensor, place.input.clone()?))).collect();
+    let of = move |parameters: &[f64]| {
+        let value = parameters.first().copied().unwrap_or_default();
+        let parts = series.iter().map(|(sensor, input)| (*sensor, signature(&time_s, input, value)));
+        Signature { columns: vec![Column { parts: parts.collect() }] }
+    };
+    let search = Search::Grid { parameters: vec![parameter], signature: Box::new(of), unit_amplitude: true };
+    let draft = Draft::new(search, vec![number("part", "1", 1.0, None)]);
+    Some(draft.of(effect, instrument.target.clone(), port))
+}
+
+/// The body's rate over the Earth: less the Earth's own where the attitude is known.
+fn rate_over_earth(inputs: &Inputs<'_>, rate: &[Series; 3]) -> [Series; 3] {
+    let motion = &inputs.motion;
+    let (Some(north), Some(down), Some(site)) = (&motion.north, &motion.down, inputs.recording.case.site)
+    else {
+        return rate.clone();
+    };
+    let earth = earth::rotation_ned(site.latitude_deg.to_radians());
+    of_rows(inputs.rows(), |row| {
+        row_of(rate, row) - row_of(north, row) * earth.x - row_of(down, row) * earth.z
+    })
+}

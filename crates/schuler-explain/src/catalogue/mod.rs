@@ -1,0 +1,97 @@
+//! The physics that a simulation can have left out, as data.
+//!
+//! | module | rows |
+//! | --- | --- |
+//! | `additive` | what time alone makes: constants, steps, drifts, warm-up, lines |
+//! | `thermal` | temperature, its rate, difference and history |
+//! | `environment` | supply, field, pressure, vibration, pick-off, any recorded quantity |
+//! | `input` | scale factor and its non-linearity, misalignment, cross coupling, dead zone |
+//! | `g_sensitivity` | drift of gyros with specific force and its products |
+//! | `rotation` | rates and forces other than the sensor's own input, and their past |
+//! | `instrument` | time, bandwidth and place of a whole instrument, its attitude against the Earth |
+//! | `gravity`, `tide` | anomaly of gravity, tide of the solid Earth |
+//! | `failures` | stuck, clipped, coarse or jumping readings |
+//! | `noise` | another random part |
+mod additive;
+mod draft;
+mod effect;
+mod environment;
+mod failures;
+mod g_sensitivity;
+mod gravity;
+mod input;
+mod instrument;
+mod noise;
+mod rotation;
+mod thermal;
+mod tide;
+
+pub use effect::{
+    Amplitude, Candidate, Column, Effect, NoiseChange, Nonlinear, OnsetShape, Port, ReadingFault, Search,
+    Signature, SignatureOf, Target,
+};
+
+/// Every effect known.
+pub const CATALOGUE: &[Effect] = &[
+    additive::BIAS_CONSTANT,
+    additive::BIAS_STEP,
+    additive::BIAS_DRIFT_LINEAR,
+    additive::BIAS_WARMUP,
+    thermal::BIAS_TEMPERATURE,
+    thermal::BIAS_TEMPERATURE_SQ,
+    thermal::BIAS_TEMPERATURE_CUBIC,
+    thermal::BIAS_TEMPERATURE_RATE,
+    thermal::BIAS_THERMAL_LAG,
+    thermal::BIAS_TEMPERATURE_GRADIENT,
+    thermal::BIAS_THERMAL_HYSTERESIS,
+    environment::BIAS_SUPPLY_VOLTAGE,
+    environment::BIAS_MAGNETIC_FIELD,
+    thermal::BIAS_ELECTRONICS_TEMPERATURE,
+    environment::BIAS_PICKOFF_OFFSET,
+    additive::BIAS_RESTART,
+    environment::BIAS_PRESSURE,
+    environment::BIAS_ON_AUX,
+    additive::PERIODIC_LINE,
+    additive::SCHULER_OSCILLATION,
+    failures::OUTPUT_STUCK,
+    failures::OUTPUT_SATURATED,
+    input::DEAD_ZONE,
+    failures::QUANTISATION,
+    failures::INTERMITTENT_JUMP,
+    input::SCALE_FACTOR,
+    input::SCALE_FACTOR_ASYMMETRY,
+    input::SCALE_FACTOR_QUADRATIC,
+    input::SCALE_FACTOR_CUBIC,
+    thermal::SCALE_FACTOR_TEMPERATURE,
+    input::MISALIGNMENT,
+    thermal::MISALIGNMENT_TEMPERATURE,
+    input::CROSS_COUPLING,
+    g_sensitivity::G_MASS_UNBALANCE,
+    g_sensitivity::G_QUADRATURE,
+    g_sensitivity::G_SPIN,
+    g_sensitivity::G2_ANISOELASTICITY,
+    g_sensitivity::G2_CROSS,
+    thermal::G_MASS_UNBALANCE_TEMPERATURE,
+    rotation::TORQUER_SELF_HEATING,
+    rotation::POST_G_TRANSIENT,
+    input::SCALE_FACTOR_ODD_QUADRATIC,
+    environment::VIBRATION_RECTIFICATION,
+    rotation::ANISOINERTIA,
+    rotation::ANGULAR_ACCELERATION,
+    rotation::RATE_CROSS_AXIS,
+    rotation::CONING_SCULLING,
+    instrument::TIME_DELAY,
+    instrument::BANDWIDTH_LAG,
+    instrument::LEVER_ARM,
+    instrument::EARTH_RATE_ATTITUDE,
+    gravity::GRAVITY_ANOMALY,
+    gravity::EARTH_TIDE,
+    noise::NOISE_WHITE,
+    noise::NOISE_MARKOV,
+    noise::NOISE_EXP_COS,
+    noise::NOISE_RANDOM_WALK,
+    noise::NOISE_FLICKER,
+    noise::NOISE_ANGLE_QUANTISATION,
+    noise::NOISE_VARIANCE_STEP,
+    noise::NOISE_OUTLIERS,
+];

@@ -1,0 +1,268 @@
+//! A description of a record: nominal model, deterministic terms and noises; its likelihood with all amplitudes free.
+use nalgebra::{DMatrix, DVector};
+
+use crate::catalogue::{Candidate, Column, OnsetShape, Port, Search};
+use crate::least_squares::{Solution, solve};
+use crate::noise::Noise;
+use crate::nominal::Model;
+use crate::whiten::Filter;
+
+/// A deterministic term: a candidate with its non-linear parameters at given values.
+#[derive(Clone, Debug)]
+pub struct Term {
+    /// Its place among the candidates.
+    pub candidate: usize,
+    /// Values of the parameters in which it is not linear.
+    pub nonlinear: Vec<f64>,
+    /// Its columns.
+    pub columns: Vec<Column>,
+    /// Where it enters.
+    pub port: Port,
+    /// Whether its amplitudes are exactly 1.
+    pub unit_amplitude: bool,
+}
+
+impl Term {
+    /// The term of a candidate at given values; for an onset the time, s, for a frequency Hz.
+    pub fn new(index: usize, candidate: &Candidate, nonlinear: &[f64], time_s: &[f64]) -> Self {
+        Self {
+            candidate: index,
+            nonlinear: nonlinear.to_vec(),
+            columns: columns(candidate, nonlinear, time_s),
+            port: candidate.port,
+            unit_amplitude: matches!(candidate.search, Search::Grid { unit_amplitude: true, .. }),
+        }
+    }
+
+    /// The same term at other values of its non-linear parameters.
+    #[must_use]
+    pub fn at(&self, candidate: &Candidate, nonlinear: &[f64], time_s: &[f64]) -> Self {
+        if nonlinear.is_empty() {
+            self.clone()
+        } else {
+            Self::new(self.candidate, candidate, nonlinear, time_s)
+        }
+    }
+
+    /// Number of amplitudes that are estimated.
+    pub fn amplitudes(&self) -> usize {
+        if self.unit_amplitude { 0 } else { self.columns.len() }
+    }
+}
+
+/// Names and units of a candidate's parameters in which it is not linear.
+pub fn nonlinear_names(candidate: &Candidate) -> Vec<(&'static str, &'static str)> {
+    match &candidate.search {
+        Search::Grid { parameters, .. } => parameters.iter().map(|p| (p.name, p.unit)).collect(),
+        Search::Onset(_) => vec![("onset_s", "s")],
+        Search::Frequency => vec![("frequency_hz", "Hz")],
+        Search::Linear(_) | Search::Noise(_) | Search::Readings(_) => Vec::new(),
+    }
+}
+
+/// The sensors on which a candidate acts.
+pub fn sensors_of(candidate: &Candidate) -> Vec<usize> {
+    match &candidate.target {
+        crate::catalogue::Target::Sensor(sensor) => vec![*sensor],
+        crate::catalogue::Target::Group { sensors, .. } => sensors.clone(),
+    }
+}
+
+fn columns(candidate: &Candidate, nonlinear: &[f64], time_s: &[f64]) -> Vec<Column> {
+    let shared = |values: Vec<f64>| Column {
+        parts: sensors_of(candidate).into_iter().map(|sensor| (sensor, values.clone())).collect(),
+    };
+    let at = nonlinear.first().copied().unwrap_or_default();
+    match &candidate.search {
+        Search::Linear(signature) => signature.columns.clone(),
+        Search::Grid { signature, .. } => signature(nonlinear).columns,
+        Search::Onset(OnsetShape::Step) => {
+            vec![shared(time_s.iter().map(|&time| f64::from(u8::from(time >= at))).collect())]
+        }
+        Search::Onset(OnsetShape::Ramp) => {
+            vec![shared(time_s.iter().map(|&time| (time - at).max(0.0)).collect())]
+        }
+        Search::Frequency => {
+            let turn = |time: f64| std::f64::consts::TAU * at * time;
+            vec![
+                shared(time_s.iter().map(|&time| turn(time).cos()).collect()),
+                shared(time_s.iter().map(|&time| turn(time).sin()).collect()),
+            ]
+        }
+        Search::Noise(_) | Search::Readings(_) => Vec::new(),
+    }
+}
+
+/// The filters of all blocks under given noises.
+pub struct Filters {
+    /// One a block; `None` where the noises are singular.
+    pub of_block: Vec<Option<Filter>>,
+}
+
+impl Filters {
+    /// The filters of `model` under `noises`.
+    pub fn new(model: &Model, noises: &[Noise]) -> Self {
+        Self { of_block: model.blocks.iter().map(|block| block.filter(noises)).collect() }
+    }
+}
+
+/// Likelihood of a description with all amplitudes at their best.
+#[derive(Clone, Debug)]
+pub struct Evaluation {
+    /// Log-likelihood over the blocks asked for.
+    pub log_likelihood: f64,
+    /// Amplitudes: constants first, then the terms' in order.
+    pub solution: Solution,
+    /// Number of constants before the terms' amplitudes.
+    pub constants: usize,
+}
+
+impl Evaluation {
+    /// Where the amplitudes of the `index`-th of `terms` begin.
+    pub fn first_amplitude(&self, terms: &[Term], index: usize) -> usize {
+        self.constants + terms.iter().take(index).map(Term::amplitudes).sum::<usize>()
+    }
+}
+
+/// What a block's channels hold of the terms: data less the terms of unit amplitude, and a regressor for each amplitude
+/// that reaches it, by its place among all.
+pub struct Projected {
+    /// Residuals.
+    pub data: Vec<f64>,
+    /// Places among all amplitudes.
+    pub places: Vec<usize>,
+    /// The regressors.
+    pub columns: Vec<Vec<f64>>,
+}
+
+/// The regressors of a block; all amplitudes number `Projected::places` from 0 in the order constants, terms.
+pub fn project(model: &Model, block: usize, terms: &[Term]) -> Projected {
+    let block = &model.blocks[block];
+    let mut projected = Projected { data: block.data.clone(), places: Vec::new(), columns: Vec::new() };
+    for (place, column) in model.constants.iter().enumerate() {
+        if let Some(values) = block.project(column, Port::Output) {
+            projected.places.push(place);
+            projected.columns.push(values);
+        }
+    }
+    let mut place = model.constants.len();
+    for term in terms {
+        for column in &term.columns {
+            if let Some(values) = block.project(column, term.port) {
+                if term.unit_amplitude {
+                    projected.data.iter_mut().zip(&values).for_each(|(data, value)| *data -= value);
+                } else {
+                    projected.places.push(place);
+                    projected.columns.push(values);
+                }
+            }
+            place += usize::from(!term.unit_amplitude);
+        }
+    }
+    projected
+}
+
+/// Sums of a block: log-likelihood without regressors, normal matrix and scores of its regressors.
+pub struct Sums {
+    /// Log-likelihood with all amplitudes zero.
+    pub log_likelihood: f64,
+    /// Normal matrix.
+    pub normal: DMatrix<f64>,
+    /// Scores.
+    pub scores: DVector<f64>,
+}
+
+impl Sums {
+    /// Sums of projected data under a filter.
+    pub fn new(filter: &Filter, projected: &Projected) -> Self {
+        let columns: Vec<&[f64]> =
+            std::iter::once(&projected.data).chain(&projected.columns).map(Vec::as_slice).collect();
+        let whitened = filter.whiten(&columns);
+        Self::of_whitened(filter, &whitened)
+    }
+
+    /// Sums of whitened data (first) and regressors.
+    pub fn of_whitened(filter: &Filter, whitened: &[Vec<f64>]) -> Self {
+        let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
+        let size = whitened.len() - 1;
+        let data = &whitened[0];
+        let mut normal = DMatrix::zeros(size, size);
+        for i in 0..size {
+            for j in 0..=i {
+                let sum = dot(&whitened[i + 1], &whitened[j + 1]);
+                normal[(i, j)] = sum;
+                normal[(j, i)] = sum;
+            }
+        }
+        let count = filter.count as f64;
+        Self {
+            log_likelihood: -0.5
+                * (count * std::f64::consts::TAU.ln() + filter.log_variances + dot(data, data)),
+            normal,
+            scores: DVector::from_fn(size, |i, _| dot(&whitened[i + 1], data)),
+        }
+    }
+
+    /// Log-likelihood with the regressors' amplitudes at their best.
+    pub fn best(&self) -> f64 {
+        if self.scores.is_empty() {
+            self.log_likelihood
+        } else {
+            self.log_likelihood + solve(&self.normal, &self.scores).gain
+        }
+    }
+}
+
+/// The likelihood of `terms` under `filters` over the given blocks; `None` where a filter is singular.
+pub fn evaluate(model: &Model, filters: &Filters, terms: &[Term], blocks: &[usize]) -> Option<Evaluation> {
+    let constants = model.constants.len();
+    let size = constants + terms.iter().map(Term::amplitudes).sum::<usize>();
+    let mut normal = DMatrix::zeros(size, size);
+    let mut scores = DVector::zeros(size);
+    let mut log_likelihood = 0.0;
+    for &block in blocks {
+        let filter = filters.of_block.get(block)?.as_ref()?;
+        let projected = project(model, block, terms);
+        let sums = Sums::new(filter, &projected);
+        log_likelihood += sums.log_likelihood;
+        for (i, &row) in projected.places.iter().enumerate() {
+            scores[row] += sums.scores[i];
+            for (j, &column) in projected.places.iter().enumerate() {
+                normal[(row, column)] += sums.normal[(i, j)];
+            }
+        }
+    }
+    let solution = solve_or_none(&normal, &scores);
+    log_likelihood += solution.gain;
+    log_likelihood.is_finite().then_some(Evaluation { log_likelihood, solution, constants })
+}
+
+fn solve_or_none(normal: &DMatrix<f64>, scores: &DVector<f64>) -> Solution {
+    if scores.is_empty() {
+        Solution { gain: 0.0, amplitudes: DVector::zeros(0), covariance: DMatrix::zeros(0, 0), rank: 0 }
+    } else {
+        solve(normal, scores)
+    }
+}
+
+/// Residuals of a block after the terms at their fitted amplitudes; NaN where missing.
+pub fn remainder(model: &Model, block: usize, terms: &[Term], amplitudes: &DVector<f64>) -> Vec<f64> {
+    let projected = project(model, block, terms);
+    let mut data = projected.data;
+    for (place, column) in projected.places.iter().zip(&projected.columns) {
+        let amplitude = amplitudes.get(*place).copied().unwrap_or_default();
+        data.iter_mut().zip(column).for_each(|(data, value)| *data -= amplitude * value);
+    }
+    data
+}
+
+/// The blocks that a set of terms reaches.
+pub fn blocks_of(model: &Model, terms: &[Term]) -> Vec<usize> {
+    let mut blocks: Vec<usize> = (terms.iter().flat_map(|term| &term.columns))
+        .flat_map(|column| &column.parts)
+        .filter_map(|(sensor, _)| model.block_of(*sensor))
+        .collect();
+    blocks.sort_unstable();
+    blocks.dedup();
+    blocks
+}

@@ -1,0 +1,192 @@
+//! The answer: what differs, which physics was left out, how large it is, how sure that is, and what it gains.
+//!
+//! [`Explanation`] serialises to `schuler-explanation/1`; what goes beyond that format are optional keys.
+use serde::Serialize;
+
+/// What the format's key `format` says.
+pub const FORMAT: &str = "schuler-explanation/1";
+
+/// Why a recording does not look like its simulation.
+#[derive(Clone, Debug, Serialize)]
+pub struct Explanation {
+    /// [`FORMAT`].
+    pub format: &'static str,
+    /// What came of it.
+    pub verdict: Verdict,
+    /// The findings, the one with the most evidence first.
+    pub findings: Vec<Finding>,
+    /// How well the record is described before and after, where it was fitted and where it was held out.
+    pub fit: Fit,
+    /// Where record and simulation differ, before anything is named.
+    pub located: Vec<Located>,
+    /// What is left where the catalogue does not suffice.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub remainder: Option<Remainder>,
+    /// What the user should be told.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<String>,
+}
+
+/// What came of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// The findings explain the mismatch.
+    Explained,
+    /// They explain a part of it; the rest is described in [`Explanation::remainder`].
+    PartlyExplained,
+    /// Record and simulation agree.
+    NoMismatch,
+    /// They differ, and nothing in the catalogue fits.
+    Unexplained,
+}
+
+/// An effect that was left out.
+#[derive(Clone, Debug, Serialize)]
+pub struct Finding {
+    /// Sensor or group.
+    pub sensor: String,
+    /// Identifier of the effect.
+    pub effect: String,
+    /// Every identifier that the data cannot tell from it, itself included.
+    pub class: Vec<String>,
+    /// From when to when, s from the start of the recording.
+    pub interval_s: [f64; 2],
+    /// Its parameters.
+    pub parameters: Vec<Parameter>,
+    /// How sure it is.
+    pub evidence: Evidence,
+    /// One plain sentence.
+    pub sentence: String,
+    /// How the nominal noise had swallowed it: each noise parameter before and after.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub noise_shift: Vec<NoiseShift>,
+    /// What the data cannot tell from it, how alike it is, and what would separate them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub rivals: Vec<Rival>,
+}
+
+/// A fitted number, or a word that says which of several (a column, an axis).
+#[derive(Clone, Debug, Serialize)]
+pub struct Parameter {
+    /// Name.
+    pub name: String,
+    /// Value in `unit`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub value: Option<f64>,
+    /// Standard deviation in `unit`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sigma: Option<f64>,
+    /// Unit.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unit: Option<String>,
+    /// The word, where it is not a number.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub text: Option<String>,
+    /// Whether the value lies within the catalogue's plausible magnitude; absent where that is not known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plausible: Option<bool>,
+}
+
+/// How sure a finding is.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Evidence {
+    /// Gain of log-likelihood over the description without it, nats.
+    pub gain_nats: f64,
+    /// Probability that a record without any left-out effect shows so much anywhere.
+    pub p_value: f64,
+}
+
+/// A noise parameter before and after the finding entered.
+#[derive(Clone, Debug, Serialize)]
+pub struct NoiseShift {
+    /// Sensor.
+    pub sensor: String,
+    /// Name, e.g. `markov.tau_s`.
+    pub name: String,
+    /// Unit.
+    pub unit: String,
+    /// Fitted without the finding.
+    pub before: f64,
+    /// Fitted with it.
+    pub after: f64,
+}
+
+/// An effect that the data cannot tell from a finding.
+#[derive(Clone, Debug, Serialize)]
+pub struct Rival {
+    /// Sensor or group.
+    pub sensor: String,
+    /// Identifier of the effect.
+    pub effect: String,
+    /// Angle between the whitened signatures, degrees.
+    pub principal_angle_deg: f64,
+    /// How much less likely it is, nats.
+    pub behind_nats: f64,
+    /// The experiment that would tell.
+    pub separated_by: String,
+}
+
+/// Goodness of fit before and after.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Fit {
+    /// On the blocks that were fitted.
+    pub train: BeforeAfter,
+    /// On the blocks that were not.
+    pub held_out: BeforeAfter,
+}
+
+/// Before and after the findings.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct BeforeAfter {
+    /// Without the findings (noise parameters fitted).
+    pub before: Goodness,
+    /// With them.
+    pub after: Goodness,
+}
+
+/// How well a description predicts.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Goodness {
+    /// Negative log-likelihood per sample, nats.
+    pub nll_per_sample: f64,
+    /// RMS of the one-step prediction error over the standard deviation that was expected of the nominal model.
+    pub rmse: f64,
+    /// p-value of the Ljung–Box test on the standardised innovations.
+    pub whiteness_p: f64,
+    /// Mean of the normalised innovation squared.
+    pub nis_mean: f64,
+}
+
+/// A place where record and simulation differ.
+#[derive(Clone, Debug, Serialize)]
+pub struct Located {
+    /// Sensor or group.
+    pub sensor: String,
+    /// The test that says so.
+    pub test: String,
+    /// What it says, in words and units.
+    pub what: String,
+    /// Its p-value, corrected for the number of tests.
+    pub p_value: f64,
+    /// Interval, s from the start of the recording, where it is local in time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub interval_s: Option<[f64; 2]>,
+    /// Frequency band, Hz, where it is local in frequency.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub band_hz: Option<[f64; 2]>,
+}
+
+/// What remains where the catalogue does not suffice.
+#[derive(Clone, Debug, Serialize)]
+pub struct Remainder {
+    /// Sensor.
+    pub sensor: String,
+    /// Description: band, dependence, shape.
+    pub what: String,
+    /// The recorded quantity on which a smooth term was fitted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub on: Option<String>,
+    /// Gain of that term, nats.
+    pub gain_nats: f64,
+}

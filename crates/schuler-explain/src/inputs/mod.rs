@@ -1,0 +1,340 @@
+//! Everything in a case on which an effect may depend, on the recording's grid, without holes.
+//!
+//! | module | gives |
+//! | --- | --- |
+//! | [`series`] | shared series, and what is done to them: bridging, lag, delay, derivative, play |
+//! | [`smoother`] | a quantity and its rate from noisy measurements |
+//! | [`thermometer`] | temperature and its rate from quantised readings |
+//! | [`motion`] | what the body did, in body axes |
+//! | [`redundant`] | what it did where only redundant sensors say so |
+//! | [`place`] | where an effect can act, with axes and true input |
+//!
+//! SI units and radians; temperature in °C, its rate in K/s.
+pub mod motion;
+pub mod place;
+pub mod redundant;
+pub mod series;
+pub mod smoother;
+pub mod thermometer;
+
+use nalgebra::Vector3;
+use rayon::prelude::*;
+use schuler_recording::Recording;
+use schuler_recording::case::{MotionKind, Quantity};
+
+pub use motion::BodyMotion;
+pub use place::{Axes, Place};
+pub use series::Series;
+pub use thermometer::Thermometer;
+
+use crate::catalogue::Port;
+use motion::along;
+use series::{bridged, mean, range};
+
+/// A gap longer than this, s, and than [`RESTART_STEPS`] steps is a switch-off.
+const RESTART_S: f64 = 300.0;
+/// See [`RESTART_S`].
+const RESTART_STEPS: usize = 20;
+/// An auxiliary quantity varies if it moves by more than this many of its steps.
+const AUXILIARY_STEPS: f64 = 3.0;
+/// Or if it changes more seldom than in this part of the rows: it was switched, and does not flicker.
+const SWITCHED: f64 = 0.01;
+/// Most pairs of thermometers that are tried as gradients at one place.
+const MOST_GRADIENTS: usize = 6;
+
+/// The recorded and derived quantities of a case.
+#[derive(Clone, Debug)]
+pub struct Inputs<'r> {
+    /// The recording.
+    pub recording: &'r Recording,
+    /// Time from the first row, s, by the grid.
+    pub time_s: Series,
+    /// Motion of the body.
+    pub motion: BodyMotion,
+    /// Where an effect can act.
+    pub places: Vec<Place>,
+    /// The thermometers.
+    pub thermometers: Vec<Thermometer>,
+    /// The other recorded quantities.
+    pub auxiliaries: Vec<AuxiliaryInput>,
+    /// Row in which each run from switch-on to switch-off begins; the first is 0.
+    pub run_starts: Vec<usize>,
+}
+
+/// A recorded quantity other than a temperature.
+#[derive(Clone, Debug)]
+pub struct AuxiliaryInput {
+    /// Its column.
+    pub column: String,
+    /// What it is.
+    pub quantity: Quantity,
+    /// Its unit (SI where that is known).
+    pub unit: String,
+    /// The sensor or group it sits at.
+    pub near: Option<String>,
+    /// Its values, gaps bridged.
+    pub values: Series,
+    /// Whether it varies by more than its quantisation.
+    pub varies: bool,
+}
+
+/// A difference of two temperatures.
+#[derive(Clone, Debug)]
+pub struct Gradient {
+    /// The thermometers, second less first.
+    pub columns: [String; 2],
+    /// Distance between them, m, where it is known.
+    pub distance_m: Option<f64>,
+    /// Difference over distance, K/m; difference, K, where the distance is not known.
+    pub values: Series,
+}
+
+/// A named series on which the residual may depend.
+#[derive(Clone, Debug)]
+pub struct Condition<'a> {
+    /// Name.
+    pub name: String,
+    /// Unit of the values.
+    pub unit: String,
+    /// One value a row.
+    pub values: &'a [f64],
+}
+
+impl<'r> Inputs<'r> {
+    /// Everything that the recording gives.
+    pub fn new(recording: &'r Recording) -> Self {
+        let time_s: Series = recording.elapsed_s().collect();
+        let motion = BodyMotion::new(recording, &time_s);
+        let places = place::places(recording, &motion);
+        let thermometers = (recording.auxiliaries.par_iter())
+            .filter(|series| series.auxiliary.quantity == Quantity::Temperature)
+            .filter_map(|series| {
+                let auxiliary = &series.auxiliary;
+                let near = auxiliary.near.as_deref();
+                Thermometer::new(&auxiliary.column, near, auxiliary.position_m, &time_s, &series.values)
+            })
+            .collect();
+        let auxiliaries = (recording.auxiliaries.iter())
+            .filter(|series| series.auxiliary.quantity != Quantity::Temperature)
+            .filter_map(|series| {
+                let values = bridged(&time_s, &series.values)?;
+                let varies = series::varies(&values) && beyond_steps(&values, &series.values);
+                Some(AuxiliaryInput {
+                    column: series.auxiliary.column.clone(),
+                    quantity: series.auxiliary.quantity,
+                    unit: series.auxiliary.unit.clone(),
+                    near: series.auxiliary.near.clone(),
+                    values,
+                    varies,
+                })
+            })
+            .collect();
+        let run_starts = std::iter::once(0)
+            .chain(recording.gaps.iter().filter_map(|gap| {
+                let long = gap.missing >= RESTART_STEPS && gap.before_s - gap.after_s > RESTART_S;
+                long.then_some(gap.first + gap.missing)
+            }))
+            .collect();
+        Self { recording, time_s, motion, places, thermometers, auxiliaries, run_starts }
+    }
+
+    /// Length of the record, s.
+    pub fn duration_s(&self) -> f64 {
+        self.time_s.last().copied().unwrap_or_default()
+    }
+
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.time_s.len()
+    }
+
+    /// Time since the last switch-on, s, in every row.
+    pub fn since_switch_on_s(&self) -> Vec<f64> {
+        let mut starts = self.run_starts.iter().copied().peekable();
+        let mut start_s = 0.0;
+        (self.time_s.iter().enumerate())
+            .map(|(row, &time)| {
+                while starts.next_if(|&start| start <= row).is_some() {
+                    start_s = time;
+                }
+                time - start_s
+            })
+            .collect()
+    }
+
+    /// Specific force along a direction, m/s².
+    pub fn force_along(&self, direction: &Vector3<f64>) -> Option<Vec<f64>> {
+        self.motion.force.as_ref().map(|force| along(direction, force))
+    }
+
+    /// Inertial rate along a direction, rad/s.
+    pub fn rate_along(&self, direction: &Vector3<f64>) -> Option<Vec<f64>> {
+        self.motion.rate.as_ref().map(|rate| along(direction, rate))
+    }
+
+    /// Angular acceleration along a direction, rad/s².
+    pub fn angular_acceleration_along(&self, direction: &Vector3<f64>) -> Option<Vec<f64>> {
+        self.motion.angular_acceleration.as_ref().map(|rate| along(direction, rate))
+    }
+
+    /// What a sensor of the place's kind would measure along another direction, SI.
+    pub fn input_along(&self, place: &Place, direction: &Vector3<f64>) -> Option<Vec<f64>> {
+        place::vectors_of(&self.motion, place.dimension()).map(|vectors| along(direction, vectors))
+    }
+
+    /// The thermometers that tell the temperature of a place: those at it; else at its group; else at another sensor
+    /// of its group; else those that sit nowhere in particular; else all but those at the electronics.
+    pub fn thermometers_at(&self, place: &Place) -> Vec<&Thermometer> {
+        let id = &self.recording.sensors[place.sensor].sensor.id;
+        let mates: Vec<&str> = (self.recording.sensors.iter())
+            .filter(|series| place.group.is_some() && series.sensor.group == place.group)
+            .map(|series| series.sensor.id.as_str())
+            .collect();
+        let nominal = self.nominal_temperature(place).map(|(column, _)| column);
+        let near = |thermometer: &Thermometer, names: &[&str]| {
+            thermometer.near.as_deref().is_some_and(|near| names.contains(&near))
+        };
+        let ranks: [&dyn Fn(&Thermometer) -> bool; 6] = [
+            &|thermometer| near(thermometer, &[place.name.as_str()]) || nominal == Some(&*thermometer.column),
+            &|thermometer| near(thermometer, &[id]),
+            &|thermometer| near(thermometer, &[place.group.as_deref().unwrap_or_default()]),
+            &|thermometer| near(thermometer, &mates),
+            &|thermometer| thermometer.near.is_none() && !at_electronics(thermometer),
+            &|thermometer| !at_electronics(thermometer),
+        ];
+        ranks
+            .iter()
+            .map(|rank| self.thermometers.iter().filter(|thermometer| rank(thermometer)).collect::<Vec<_>>())
+            .find(|found| !found.is_empty())
+            .unwrap_or_default()
+    }
+
+    /// The thermometers at the electronics of a place, by their name.
+    pub fn electronics_at(&self, place: &Place) -> Vec<&Thermometer> {
+        let own: Vec<&str> = self.thermometers_at(place).iter().map(|own| own.column.as_str()).collect();
+        (self.thermometers.iter())
+            .filter(|thermometer| at_electronics(thermometer) && !own.contains(&thermometer.column.as_str()))
+            .collect()
+    }
+
+    /// The thermometers that are neither at the place, nor at the electronics, nor at another sensor.
+    pub fn other_thermometers(&self, place: &Place) -> Vec<&Thermometer> {
+        let own: Vec<&str> = self.thermometers_at(place).iter().map(|own| own.column.as_str()).collect();
+        (self.thermometers.iter())
+            .filter(|thermometer| {
+                let at_sensor = (self.recording.sensors.iter())
+                    .any(|series| thermometer.near.as_deref() == Some(series.sensor.id.as_str()));
+                !own.contains(&thermometer.column.as_str()) && !at_sensor && !at_electronics(thermometer)
+            })
+            .collect()
+    }
+
+    /// Differences of two thermometers near a place: its own against the others of its group and against those that
+    /// sit nowhere in particular, and its own against each other.
+    pub fn gradients_at(&self, place: &Place) -> Vec<Gradient> {
+        let own = self.thermometers_at(place);
+        let mut near: Vec<&Thermometer> = own.clone();
+        let mates: Vec<Option<&str>> = (self.recording.sensors.iter())
+            .filter(|series| place.group.is_some() && series.sensor.group == place.group)
+            .map(|series| Some(series.sensor.id.as_str()))
+            .chain([None])
+            .chain(place.group.as_deref().map(Some))
+            .collect();
+        near.extend(self.thermometers.iter().filter(|thermometer| {
+            mates.contains(&thermometer.near.as_deref())
+                && !at_electronics(thermometer)
+                && own.iter().all(|own| own.column != thermometer.column)
+        }));
+        let mut gradients = Vec::new();
+        for (index, first) in near.iter().enumerate().take(own.len()) {
+            for second in near.iter().skip(index + 1) {
+                let distance_m = (first.position_m.zip(second.position_m))
+                    .map(|(a, b)| (Vector3::from(b) - Vector3::from(a)).norm())
+                    .filter(|&distance| distance > 0.0);
+                let over = distance_m.unwrap_or(1.0);
+                let values: Series = (first.temperature.iter().zip(&*second.temperature))
+                    .map(|(first, second)| (second - first) / over)
+                    .collect();
+                let uncertain =
+                    (mean(&first.temperature_variance) + mean(&second.temperature_variance)).sqrt();
+                let steps = first.quantisation.max(second.quantisation);
+                if range(&values) * over > steps && series::deviation(&values) * over > uncertain {
+                    let columns = [first.column.clone(), second.column.clone()];
+                    gradients.push(Gradient { columns, distance_m, values });
+                }
+            }
+        }
+        gradients.truncate(MOST_GRADIENTS);
+        gradients
+    }
+
+    /// The reference temperature of a place, °C, and whether the nominal model gives it; without it the mean.
+    pub fn reference(&self, place: &Place, thermometer: &Thermometer) -> (f64, bool) {
+        match self.nominal_temperature(place) {
+            Some((_, reference)) => (reference, true),
+            None => (mean(&thermometer.temperature), false),
+        }
+    }
+
+    fn nominal_temperature(&self, place: &Place) -> Option<(&'r str, f64)> {
+        let nominal = &self.recording.sensors[place.sensor].sensor.nominal;
+        let dependence = nominal.temperature_bias.as_ref().filter(|_| place.port == Port::Output)?;
+        Some((dependence.column.as_str(), dependence.reference_deg_c))
+    }
+
+    /// Whether the motion is that of a Schuler loop.
+    pub fn is_loop(&self) -> bool {
+        self.recording.case.motion.kind == MotionKind::VelocityError
+    }
+
+    /// Every series on which a residual may be tested for dependence.
+    pub fn conditions<'s>(&'s self) -> Vec<Condition<'s>> {
+        let mut conditions: Vec<Condition<'s>> = Vec::new();
+        let mut add = |name: String, unit: &str, values: &'s [f64]| {
+            if series::varies(values) {
+                conditions.push(Condition { name, unit: unit.to_owned(), values });
+            }
+        };
+        for thermometer in self.thermometers.iter().filter(|thermometer| thermometer.varies()) {
+            add(format!("temperature {}", thermometer.column), "degC", &thermometer.temperature);
+            if thermometer.rate_varies() {
+                add(format!("rate of temperature {}", thermometer.column), "K/s", &thermometer.rate);
+            }
+        }
+        for auxiliary in self.auxiliaries.iter().filter(|auxiliary| auxiliary.varies) {
+            add(format!("{} {}", auxiliary.quantity, auxiliary.column), &auxiliary.unit, &auxiliary.values);
+        }
+        let motion = &self.motion;
+        let of_body = [
+            ("rate", "rad/s", &motion.rate),
+            ("specific force", "m/s^2", &motion.force),
+            ("velocity", "m/s", &motion.velocity),
+        ];
+        for (name, unit, vectors) in of_body {
+            for (axis, values) in ["x", "y", "z"].iter().zip(vectors.iter().flatten()) {
+                add(format!("{name} {axis}"), unit, values);
+            }
+        }
+        for (name, values) in ["roll", "pitch", "heading"].iter().zip(motion.attitude.iter().flatten()) {
+            add((*name).to_owned(), "rad", values);
+        }
+        conditions
+    }
+}
+
+/// Whether a quantity moves by more than its reading flickers: over several of its steps, or by being switched.
+fn beyond_steps(values: &[f64], readings: &[f64]) -> bool {
+    let step = thermometer::step_of(readings);
+    let changes = values.windows(2).filter(|pair| pair[0] != pair[1]).count();
+    range(values) >= (AUXILIARY_STEPS - 1e-6) * step || (changes as f64) < SWITCHED * values.len() as f64
+}
+
+/// Whether a thermometer's name or place says that it is at the electronics.
+fn at_electronics(thermometer: &Thermometer) -> bool {
+    let says = |text: &str| {
+        let text = text.to_lowercase();
+        ["elec", "board", "pcb"].iter().any(|word| text.contains(word))
+            || text.split(|letter: char| !letter.is_alphanumeric()).any(|word| word == "el")
+    };
+    says(&thermometer.column) || thermometer.near.as_deref().is_some_and(says)
+}

@@ -1,0 +1,187 @@
+//! What the body did, in body axes: recorded, derived from what was recorded, or at rest.
+//!
+//! Frames and derivations are those of [`schuler_recording::motion`]. SI units, one value a row, holes bridged.
+use nalgebra::{Rotation3, Vector3};
+use schuler_recording::Recording;
+use schuler_recording::case::MotionKind;
+use schuler_recording::motion::{body_to_ned, earth, inertial_rate, specific_force};
+
+use super::redundant;
+use super::series::{Series, bridged, derivative};
+use schuler_recording::unit::{Dimension, STANDARD_GRAVITY};
+
+/// Components x, y, z.
+pub type Vectors = [Series; 3];
+
+/// Motion of the body.
+#[derive(Clone, Debug, Default)]
+pub struct BodyMotion {
+    /// Inertial rate, rad/s.
+    pub rate: Option<Vectors>,
+    /// Angular acceleration, rad/s².
+    pub angular_acceleration: Option<Vectors>,
+    /// Specific force, m/s².
+    pub force: Option<Vectors>,
+    /// Velocity over the Earth, m/s.
+    pub velocity: Option<Vectors>,
+    /// Direction of north.
+    pub north: Option<Vectors>,
+    /// Direction of down.
+    pub down: Option<Vectors>,
+    /// Roll, pitch and heading without jumps, rad.
+    pub attitude: Option<Vectors>,
+    /// Whether it was estimated from the sensors that are to be explained.
+    pub estimated: bool,
+}
+
+impl BodyMotion {
+    /// What is known of the motion of a recording, whose rows are at `time_s`.
+    pub fn new(recording: &Recording, time_s: &[f64]) -> Self {
+        match recording.case.motion.kind {
+            MotionKind::Static => Self::at_rest(recording, time_s.len()),
+            MotionKind::Recorded | MotionKind::VelocityError => Self::recorded(recording, time_s),
+            MotionKind::Unknown => Self::of_sensors(recording, time_s),
+        }
+    }
+
+    /// Angular acceleration follows from the rate.
+    fn with_angular_acceleration(mut self, time_s: &[f64]) -> Self {
+        self.angular_acceleration = (self.rate.as_ref())
+            .map(|rate| rate.each_ref().map(|component| derivative(time_s, component).into()));
+        self
+    }
+
+    fn at_rest(recording: &Recording, rows: usize) -> Self {
+        let constant =
+            |vector: Vector3<f64>| [vector.x, vector.y, vector.z].map(|value| vec![value; rows].into());
+        let mut motion = Self {
+            velocity: Some(constant(Vector3::zeros())),
+            angular_acceleration: Some(constant(Vector3::zeros())),
+            ..Self::default()
+        };
+        let Some(attitude) = recording.case.motion.attitude_deg else { return motion };
+        let [roll, pitch, heading] = [attitude.roll, attitude.pitch, attitude.heading].map(f64::to_radians);
+        let ned = body_to_ned(roll, pitch, heading);
+        let down = ned.inverse() * Vector3::z();
+        motion.north = Some(constant(ned.inverse() * Vector3::x()));
+        motion.down = Some(constant(down));
+        motion.force = Some(constant(-down * gravity(recording)));
+        if let Some(site) = recording.case.site {
+            motion.rate = Some(constant(ned.inverse() * earth::rotation_ned(site.latitude_deg.to_radians())));
+        }
+        motion
+    }
+
+    fn recorded(recording: &Recording, time_s: &[f64]) -> Self {
+        let series = &recording.motion;
+        let filled =
+            |columns: &Option<[Vec<f64>; 3]>| columns.as_ref().and_then(|columns| fill(time_s, columns));
+        let mut motion =
+            Self { rate: filled(&series.rate), force: filled(&series.specific_force), ..Self::default() };
+        let attitude = (series.attitude_rad.as_ref()).and_then(|columns| fill(time_s, &unwrapped(columns)));
+        let velocity_ned = filled(&series.velocity_ned);
+        let Some(attitude) = attitude else {
+            if recording.case.motion.kind == MotionKind::VelocityError {
+                // A channel of an inertial system lies level and points along its axis.
+                motion.velocity = velocity_ned;
+            }
+            return motion.with_angular_acceleration(time_s);
+        };
+        let rotations: Vec<Rotation3<f64>> = (0..time_s.len())
+            .map(|row| body_to_ned(attitude[0][row], attitude[1][row], attitude[2][row]))
+            .collect();
+        let in_body = |vector: &dyn Fn(usize) -> Vector3<f64>| {
+            of_rows(time_s.len(), |row| rotations[row].inverse() * vector(row))
+        };
+        motion.north = Some(in_body(&|_| Vector3::x()));
+        motion.down = Some(in_body(&|_| Vector3::z()));
+        motion.velocity =
+            (velocity_ned.as_ref()).map(|[n, e, d]| in_body(&|row| Vector3::new(n[row], e[row], d[row])));
+        let columns = |vectors: &Vectors| vectors.each_ref().map(|component| component.to_vec());
+        if let (None, Some(site)) = (&motion.rate, recording.case.site) {
+            let (latitude, altitude) = (site.latitude_deg.to_radians(), site.altitude_m);
+            let velocity = velocity_ned.as_ref().map(columns);
+            let rate = inertial_rate(time_s, &columns(&attitude), velocity.as_ref(), latitude, altitude);
+            motion.rate = fill(time_s, &rate);
+        }
+        if motion.force.is_none() {
+            motion.force = if let (Some(velocity), Some(site)) = (&velocity_ned, recording.case.site) {
+                let (latitude, altitude) = (site.latitude_deg.to_radians(), site.altitude_m);
+                let (attitude, velocity) = (columns(&attitude), columns(velocity));
+                fill(time_s, &specific_force(time_s, &attitude, &velocity, latitude, altitude))
+            } else {
+                // Without a velocity the body turns where it is.
+                let gravity = gravity(recording);
+                Some(in_body(&|_| Vector3::new(0.0, 0.0, -gravity)))
+            };
+        }
+        motion.attitude = Some(attitude);
+        motion.with_angular_acceleration(time_s)
+    }
+
+    fn of_sensors(recording: &Recording, time_s: &[f64]) -> Self {
+        let estimate =
+            |dimension| redundant::estimate(recording, dimension).and_then(|columns| fill(time_s, &columns));
+        Self {
+            rate: estimate(Dimension::AngularRate),
+            force: estimate(Dimension::Acceleration),
+            velocity: estimate(Dimension::Velocity),
+            estimated: true,
+            ..Self::default()
+        }
+        .with_angular_acceleration(time_s)
+    }
+}
+
+/// Gravity at the site, m/s²; standard gravity without one.
+pub fn gravity(recording: &Recording) -> f64 {
+    recording
+        .case
+        .site
+        .map_or(STANDARD_GRAVITY, |site| earth::gravity(site.latitude_deg.to_radians(), site.altitude_m))
+}
+
+/// Component of a vector along a direction.
+pub fn along(direction: &Vector3<f64>, [x, y, z]: &Vectors) -> Vec<f64> {
+    let rows = x.iter().zip(&**y).zip(&**z);
+    rows.map(|((x, y), z)| direction.x * x + direction.y * y + direction.z * z).collect()
+}
+
+/// The vectors of `rows` rows.
+pub fn of_rows(rows: usize, vector: impl Fn(usize) -> Vector3<f64>) -> Vectors {
+    let mut columns = [(); 3].map(|()| Vec::with_capacity(rows));
+    for row in 0..rows {
+        for (column, value) in columns.iter_mut().zip(vector(row).iter()) {
+            column.push(*value);
+        }
+    }
+    columns.map(Into::into)
+}
+
+/// The vector in a row.
+pub fn row_of([x, y, z]: &Vectors, row: usize) -> Vector3<f64> {
+    Vector3::new(x[row], y[row], z[row])
+}
+
+fn fill(time_s: &[f64], [x, y, z]: &[Vec<f64>; 3]) -> Option<Vectors> {
+    Some([bridged(time_s, x)?, bridged(time_s, y)?, bridged(time_s, z)?])
+}
+
+/// Angles without jumps of a whole turn, so that they can be bridged in a straight line.
+fn unwrapped(angles: &[Vec<f64>; 3]) -> [Vec<f64>; 3] {
+    angles.each_ref().map(|angles| {
+        let mut last: Option<f64> = None;
+        let turn = 2.0 * std::f64::consts::PI;
+        angles
+            .iter()
+            .map(|&angle| {
+                if !angle.is_finite() {
+                    return f64::NAN;
+                }
+                let near = last.map_or(angle, |last| angle - turn * ((angle - last) / turn).round());
+                last = Some(near);
+                near
+            })
+            .collect()
+    })
+}

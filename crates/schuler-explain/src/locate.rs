@@ -1,0 +1,284 @@
+//! Where record and simulation differ, before anything is named, and what is left when everything is.
+//!
+//! Tests on innovations, which are independent standard normals under the description: NIS in windows against χ²,
+//! Ljung–Box, the largest cumulative sum (Kolmogorov's distribution), the spectrum in bands against χ², and the mean
+//! under each recorded condition in ten bins. All p-values are multiplied by the number of tests.
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+use crate::catalogue::{Column, Port};
+use crate::description::Term;
+use crate::explanation::{Located, Remainder};
+use crate::inputs::Inputs;
+use crate::state::{Bench, Case, State};
+use crate::statistics::{chi_squared_tail, ljung_box};
+
+/// p-value, corrected, below which a difference is reported.
+const REPORTED: f64 = 0.01;
+/// The same for the verdict that something is left.
+const LEFT: f64 = 1e-3;
+/// Windows of the NIS.
+const WINDOWS: usize = 100;
+/// Fewest rows of a window.
+const FEWEST_ROWS: usize = 30;
+/// Lags of the test for whiteness.
+const LAGS: usize = 20;
+/// Bins of a condition.
+const BINS: usize = 10;
+/// Knots of the smooth term.
+const KNOTS: usize = 6;
+
+/// A test's result before correction.
+struct Result {
+    block: usize,
+    test: &'static str,
+    what: String,
+    p: f64,
+    interval_s: Option<[f64; 2]>,
+    band_hz: Option<[f64; 2]>,
+    condition: Option<usize>,
+}
+
+/// Differences between the record and a description, most significant first.
+pub fn locate(case: &Case<'_>, state: &State, inputs: &Inputs<'_>) -> Vec<Located> {
+    let bench = Bench::new(case, &state.terms, &state.noises);
+    let (results, tests) = results(&bench, inputs);
+    let mut located: Vec<Located> = results
+        .into_iter()
+        .map(|result| Located {
+            sensor: block_name(case, result.block),
+            test: result.test.to_owned(),
+            what: result.what,
+            p_value: (result.p * tests).min(1.0),
+            interval_s: result.interval_s,
+            band_hz: result.band_hz,
+        })
+        .filter(|located| located.p_value < REPORTED)
+        .collect();
+    located.sort_by(|a, b| a.p_value.total_cmp(&b.p_value));
+    located
+}
+
+/// Whether the record still differs from a description, and in what.
+pub fn left(case: &Case<'_>, state: &State, inputs: &Inputs<'_>) -> (bool, Option<Remainder>) {
+    let bench = Bench::new(case, &state.terms, &state.noises);
+    let (mut results, tests) = results(&bench, inputs);
+    results.retain(|result| result.p * tests < LEFT);
+    results.sort_by(|a, b| a.p.total_cmp(&b.p));
+    let Some(worst) = results.first() else { return (false, None) };
+    let block = worst.block;
+    let words: Vec<&str> = results
+        .iter()
+        .filter(|result| result.block == block)
+        .take(3)
+        .map(|result| result.what.as_str())
+        .collect();
+    let mut remainder =
+        Remainder { sensor: block_name(case, block), what: words.join("; "), on: None, gain_nats: 0.0 };
+    let conditions = inputs.conditions();
+    let on = results.iter().find(|result| result.block == block && result.condition.is_some());
+    if let Some(condition) = on.and_then(|result| result.condition).and_then(|index| conditions.get(index)) {
+        let sensor = case.model.blocks[block].sensors[0];
+        let term = Term {
+            candidate: usize::MAX,
+            nonlinear: Vec::new(),
+            columns: spline(condition.values)
+                .into_iter()
+                .map(|values| Column { parts: vec![(sensor, values)] })
+                .collect(),
+            port: Port::Output,
+            unit_amplitude: false,
+        };
+        if !term.columns.is_empty() {
+            remainder.gain_nats = bench.gain_of(&term).0;
+            remainder.on = Some(condition.name.clone());
+        }
+    }
+    (true, Some(remainder))
+}
+
+fn block_name(case: &Case<'_>, block: usize) -> String {
+    let sources = &case.model.blocks[block].sources;
+    let names = sources.iter().map(|&source| case.model.sources[source].name.as_str());
+    names.collect::<Vec<_>>().join(", ")
+}
+
+/// Results of all tests, and their number.
+fn results(bench: &Bench<'_>, inputs: &Inputs<'_>) -> (Vec<Result>, f64) {
+    let case = bench.case;
+    let conditions = inputs.conditions();
+    let mut results = Vec::new();
+    let mut tests = 0.0_f64;
+    let at = |row: usize| case.time_s.get(row).copied().unwrap_or_default();
+    for (index, whitened) in bench.blocks.iter().enumerate() {
+        let Some(whitened) = whitened else { continue };
+        let block = &case.model.blocks[index];
+        let (rows, channels) = (block.rows(), block.channels);
+        let e = &whitened.remainder;
+        let mut push = |test, what, p: f64, number: f64, interval_s, band_hz, condition| {
+            results.push(Result { block: index, test, what, p: p * number, interval_s, band_hz, condition });
+        };
+        // NIS in windows.
+        let length = (rows / WINDOWS).max(FEWEST_ROWS);
+        let mut worst: Option<(f64, usize, f64)> = None;
+        let mut windows = 0.0;
+        for first in (0..rows).step_by(length) {
+            let window = first..(first + length).min(rows);
+            let (mut sum, mut count) = (0.0, 0);
+            for row in window.filter(|&row| block.present[row]) {
+                sum += (0..channels).map(|c| e[c * rows + row].powi(2)).sum::<f64>();
+                count += channels;
+            }
+            if count < FEWEST_ROWS {
+                continue;
+            }
+            windows += 1.0;
+            let p = two_tailed(sum, count as f64);
+            if worst.is_none_or(|worst| p < worst.0) {
+                worst = Some((p, first, sum / count as f64));
+            }
+        }
+        if let Some((p, first, mean)) = worst {
+            let what = format!("the mean of the normalised innovation squared is {mean:.2} instead of 1");
+            let interval = [at(first), at((first + length).min(rows) - 1)];
+            push("nis_window", what, p, windows, Some(interval), None, None);
+            tests += 1.0;
+        }
+        for channel in 0..channels {
+            let series: Vec<f64> = (0..rows)
+                .map(|row| if block.present[row] { e[channel * rows + row] } else { f64::NAN })
+                .collect();
+            let p = ljung_box(&series, LAGS);
+            push("ljung_box", "innovations are correlated in time".to_owned(), p, 1.0, None, None, None);
+            let (p, row) = largest_sum(&series);
+            let what = format!("the mean changes near {:.0} s", at(row));
+            push("cumulative_sum", what, p, 1.0, Some([at(row), at(rows - 1)]), None, None);
+            tests += 2.0;
+        }
+        if let Some(spectrum) = bench.spectrum(index) {
+            let mut bands = 0.0;
+            let mut worst: Option<(f64, f64, f64)> = None;
+            for (omega, weight, excess) in spectrum.excess() {
+                bands += 1.0;
+                let freedom = 2.0 * weight * channels as f64;
+                let p = two_tailed(freedom * excess, freedom);
+                if worst.is_none_or(|worst| p < worst.0) {
+                    worst = Some((p, omega, excess));
+                }
+            }
+            if let Some((p, omega, excess)) = worst {
+                let hertz = omega / (std::f64::consts::TAU * block.step_s());
+                let what = format!("the spectrum near {hertz:.3e} Hz is {excess:.2} times what it should be");
+                push("spectrum", what, p, bands, None, Some([0.98 * hertz, 1.02 * hertz]), None);
+                tests += 1.0;
+            }
+        }
+        for (place, condition) in conditions.iter().enumerate() {
+            for channel in 0..channels {
+                let Some((p, low, high)) = conditional(block, &e[channel * rows..], condition.values) else {
+                    continue;
+                };
+                let what = format!(
+                    "the mean depends on {} (from {low:.2} σ to {high:.2} σ of its error)",
+                    condition.name
+                );
+                push("conditional_mean", what, p, 1.0, None, None, Some(place));
+                tests += 1.0;
+            }
+        }
+    }
+    (results, tests.max(1.0))
+}
+
+fn two_tailed(sum: f64, freedom: f64) -> f64 {
+    ChiSquared::new(freedom).map_or(1.0, |chi| 2.0 * chi.cdf(sum).min(chi.sf(sum)))
+}
+
+/// p-value of the largest cumulative sum about its line, and where it is.
+fn largest_sum(series: &[f64]) -> (f64, usize) {
+    let count = series.iter().filter(|value| value.is_finite()).count() as f64;
+    let total: f64 = series.iter().filter(|value| value.is_finite()).sum();
+    if count < 1.0 {
+        return (1.0, 0);
+    }
+    let (mut sum, mut seen) = (0.0, 0.0);
+    let mut largest = (0.0_f64, 0);
+    for (row, value) in series.iter().enumerate().filter(|(_, value)| value.is_finite()) {
+        sum += value;
+        seen += 1.0;
+        let bridge: f64 = (sum - total * seen / count) / count.sqrt();
+        if bridge.abs() > largest.0 {
+            largest = (bridge.abs(), row);
+        }
+    }
+    let x = largest.0;
+    let p: f64 = (1..=20)
+        .map(|k| {
+            let k = f64::from(k);
+            2.0 * (-1.0_f64).powf(k - 1.0) * (-2.0 * k * k * x * x).exp()
+        })
+        .sum();
+    (if x < 0.3 { 1.0 } else { p.clamp(0.0, 1.0) }, largest.1)
+}
+
+/// p-value of means in bins of equal number, with the least and the largest mean in standard deviations.
+fn conditional(block: &crate::nominal::Block, e: &[f64], values: &[f64]) -> Option<(f64, f64, f64)> {
+    let mut sorted: Vec<f64> = (0..block.rows())
+        .filter(|&row| block.present[row])
+        .filter_map(|row| values.get(row).copied())
+        .collect();
+    sorted.retain(|value| value.is_finite());
+    sorted.sort_by(f64::total_cmp);
+    let edges: Vec<f64> =
+        (1..BINS).filter_map(|bin| sorted.get(bin * sorted.len() / BINS).copied()).collect();
+    if edges.first()? >= edges.last()? {
+        return None;
+    }
+    let mut sums = [(0.0, 0.0); BINS];
+    for row in (0..block.rows()).filter(|&row| block.present[row]) {
+        let value = values.get(row).copied().filter(|value| value.is_finite());
+        if let (Some(value), Some(e)) = (value, e.get(row)) {
+            let (sum, count) = &mut sums[edges.partition_point(|&edge| edge < value)];
+            *sum += e;
+            *count += 1.0;
+        }
+    }
+    let standard: Vec<f64> =
+        sums.iter().filter(|(_, count)| *count > 0.0).map(|(sum, count)| sum / f64::sqrt(*count)).collect();
+    let statistic: f64 = standard.iter().map(|z| z * z).sum();
+    let low = standard.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = standard.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    Some((chi_squared_tail(statistic, standard.len()), low, high))
+}
+
+/// A natural cubic spline's columns (linear, then one for each inner knot), knots at equal numbers of values.
+/// `[Hastie, Tibshirani & Friedman, The Elements of Statistical Learning, eq. 5.4–5.5]`
+fn spline(values: &[f64]) -> Vec<Vec<f64>> {
+    let mut sorted: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
+    sorted.sort_by(f64::total_cmp);
+    let mut knots: Vec<f64> = (0..KNOTS)
+        .filter_map(|knot| sorted.get(knot * sorted.len().saturating_sub(1) / (KNOTS - 1)).copied())
+        .collect();
+    knots.dedup();
+    let (Some(&first), Some(&last)) = (knots.first(), knots.last()) else { return Vec::new() };
+    if knots.len() < 3 {
+        return Vec::new();
+    }
+    let span = last - first;
+    let knots: Vec<f64> = knots.iter().map(|knot| (knot - first) / span).collect();
+    let number = knots.len();
+    let cube = |value: f64| value.max(0.0).powi(3);
+    let basis = |x: f64| {
+        let d =
+            |k: usize| (cube(x - knots[k]) - cube(x - knots[number - 1])) / (knots[number - 1] - knots[k]);
+        let mut row = vec![x];
+        row.extend((0..number - 2).map(|k| d(k) - d(number - 2)));
+        row
+    };
+    let mut columns = vec![Vec::with_capacity(values.len()); number - 1];
+    for value in values {
+        for (column, part) in columns.iter_mut().zip(basis((value - first) / span)) {
+            column.push(part);
+        }
+    }
+    columns
+}

@@ -1,0 +1,358 @@
+//! The noise of one source: its parts, its parameters one by one, its state-space form and its spectrum.
+//!
+//! Parts: white; known rounding of the output (variance step²/12); first-order Markov, R(τ) = σ² exp(−|τ|/τ_c);
+//! exponential-cosine, R(τ) = σ² exp(−α|τ|) cos βτ, in its two-noise form [FIL-16]; random walk; flicker as four Markov
+//! parts of one level; differenced rounding of an angle. Everything in SI units of the source.
+use schuler_recording::case::{ExponentialCosine, Markov, Nominal};
+
+use crate::catalogue::NoiseChange;
+
+/// Markov parts of which flicker is made.
+pub const FLICKER_PARTS: usize = 4;
+
+/// The noise of a source.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Noise {
+    /// White, 1 σ per sample.
+    pub white: f64,
+    /// Known step of the output; its rounding counts as white noise.
+    pub rounding: f64,
+    /// First-order Markov parts.
+    pub markov: Vec<Markov>,
+    /// Exponential-cosine parts.
+    pub exp_cos: Vec<ExponentialCosine>,
+    /// Random walk, 1 σ per √s.
+    pub random_walk: f64,
+    /// Flicker.
+    pub flicker: Flicker,
+    /// Rounding of the angle whose difference is the output, 1 σ of one rounding, per step.
+    pub angle: f64,
+    /// Change of the white level.
+    pub step: Option<VarianceStep>,
+}
+
+/// Flicker noise as Markov parts of one level whose correlation times are spread over the record.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Flicker {
+    /// Standard deviation of each part.
+    pub sigma: f64,
+    /// Shortest and longest correlation time, s.
+    pub tau_s: [f64; 2],
+}
+
+/// Change of the white level at a row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct VarianceStep {
+    /// First row with the new level.
+    pub row: usize,
+    /// New standard deviation over the old one.
+    pub ratio: f64,
+}
+
+/// One parameter of a noise.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Knob {
+    /// White level.
+    White,
+    /// σ of a Markov part.
+    MarkovSigma(usize),
+    /// τ of a Markov part.
+    MarkovTau(usize),
+    /// σ of an exponential-cosine part.
+    CosineSigma(usize),
+    /// α of an exponential-cosine part.
+    CosineAlpha(usize),
+    /// β of an exponential-cosine part.
+    CosineBeta(usize),
+    /// Random walk.
+    RandomWalk,
+    /// Level of flicker.
+    Flicker,
+    /// Rounding of an angle.
+    Angle,
+    /// Ratio of a change of the white level.
+    StepRatio,
+}
+
+impl Knob {
+    /// Name in the answer's parameters, and the power of seconds by which its unit is multiplied (unit of the sensor
+    /// where `None`).
+    pub fn name(self) -> (&'static str, &'static str) {
+        match self {
+            Self::White => ("sigma", "white"),
+            Self::MarkovSigma(_) => ("sigma", "markov.sigma"),
+            Self::MarkovTau(_) => ("tau_s", "markov.tau_s"),
+            Self::CosineSigma(_) => ("sigma", "exp_cos.sigma"),
+            Self::CosineAlpha(_) => ("alpha", "exp_cos.alpha"),
+            Self::CosineBeta(_) => ("beta", "exp_cos.beta"),
+            Self::RandomWalk => ("coefficient", "random_walk"),
+            Self::Flicker => ("sigma", "flicker.sigma"),
+            Self::Angle => ("sigma", "angle_quantisation.sigma"),
+            Self::StepRatio => ("ratio", "white.ratio"),
+        }
+    }
+
+    /// Whether its unit is the sensor's.
+    pub fn in_sensor_unit(self) -> bool {
+        !matches!(self, Self::MarkovTau(_) | Self::CosineAlpha(_) | Self::CosineBeta(_) | Self::StepRatio)
+    }
+
+    /// Unit where it is not the sensor's, or what follows the sensor's.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::MarkovTau(_) => "s",
+            Self::CosineAlpha(_) => "1/s",
+            Self::CosineBeta(_) => "rad/s",
+            Self::StepRatio => "1",
+            Self::RandomWalk => "/sqrt(s)",
+            _ => "",
+        }
+    }
+}
+
+impl Noise {
+    /// What a case says of a sensor.
+    pub fn nominal(nominal: &Nominal, rounding: f64) -> Self {
+        Self {
+            white: nominal.white,
+            rounding,
+            markov: nominal.markov.into_iter().filter(|part| part.sigma > 0.0).collect(),
+            exp_cos: nominal.exp_cos.into_iter().filter(|part| part.sigma > 0.0).collect(),
+            random_walk: nominal.random_walk,
+            ..Self::default()
+        }
+    }
+
+    /// Whether there is none at all.
+    pub fn is_none(&self) -> bool {
+        self.white == 0.0
+            && self.rounding == 0.0
+            && self.markov.is_empty()
+            && self.exp_cos.is_empty()
+            && self.random_walk == 0.0
+            && self.angle == 0.0
+            && self.flicker.sigma == 0.0
+    }
+
+    /// Variance of what is white from sample to sample.
+    pub fn white_variance(&self) -> f64 {
+        self.white * self.white + self.rounding * self.rounding / 12.0
+    }
+
+    /// The Markov parts, those of flicker included.
+    fn all_markov(&self) -> impl Iterator<Item = Markov> + '_ {
+        let Flicker { sigma, tau_s: [short, long] } = self.flicker;
+        let parts = if sigma > 0.0 { FLICKER_PARTS } else { 0 };
+        let ratio = if short > 0.0 { (long / short).max(1.0) } else { 1.0 };
+        let flicker = (0..parts).map(move |k| {
+            let tau_s = short * ratio.powf(k as f64 / (FLICKER_PARTS - 1) as f64);
+            Markov { sigma, tau_s }
+        });
+        self.markov.iter().copied().chain(flicker)
+    }
+
+    /// Longest correlation time, s.
+    pub fn correlation_time_s(&self) -> f64 {
+        let markov = self.all_markov().map(|part| part.tau_s);
+        markov.chain(self.exp_cos.iter().map(|part| part.alpha.recip())).fold(0.0, f64::max)
+    }
+
+    /// Value of a parameter.
+    pub fn get(&self, knob: Knob) -> f64 {
+        let markov =
+            |index: usize| self.markov.get(index).copied().unwrap_or(Markov { sigma: 0.0, tau_s: 1.0 });
+        let none = ExponentialCosine { sigma: 0.0, alpha: 1.0, beta: 1.0 };
+        let cosine = |index: usize| self.exp_cos.get(index).copied().unwrap_or(none);
+        match knob {
+            Knob::White => self.white,
+            Knob::MarkovSigma(index) => markov(index).sigma,
+            Knob::MarkovTau(index) => markov(index).tau_s,
+            Knob::CosineSigma(index) => cosine(index).sigma,
+            Knob::CosineAlpha(index) => cosine(index).alpha,
+            Knob::CosineBeta(index) => cosine(index).beta,
+            Knob::RandomWalk => self.random_walk,
+            Knob::Flicker => self.flicker.sigma,
+            Knob::Angle => self.angle,
+            Knob::StepRatio => self.step.map_or(1.0, |step| step.ratio),
+        }
+    }
+
+    /// Sets a parameter; one of a part that is not there is left.
+    pub fn set(&mut self, knob: Knob, value: f64) {
+        let slot = match knob {
+            Knob::White => Some(&mut self.white),
+            Knob::MarkovSigma(index) => self.markov.get_mut(index).map(|part| &mut part.sigma),
+            Knob::MarkovTau(index) => self.markov.get_mut(index).map(|part| &mut part.tau_s),
+            Knob::CosineSigma(index) => self.exp_cos.get_mut(index).map(|part| &mut part.sigma),
+            Knob::CosineAlpha(index) => self.exp_cos.get_mut(index).map(|part| &mut part.alpha),
+            Knob::CosineBeta(index) => self.exp_cos.get_mut(index).map(|part| &mut part.beta),
+            Knob::RandomWalk => Some(&mut self.random_walk),
+            Knob::Flicker => Some(&mut self.flicker.sigma),
+            Knob::Angle => Some(&mut self.angle),
+            Knob::StepRatio => self.step.as_mut().map(|step| &mut step.ratio),
+        };
+        if let Some(slot) = slot {
+            *slot = value;
+        }
+    }
+
+    /// Takes the parts to which `knobs` belong from `other`.
+    pub fn adopt(&mut self, other: &Self, knobs: &[Knob]) {
+        for &knob in knobs {
+            match knob {
+                Knob::MarkovSigma(part) if part >= self.markov.len() => {
+                    self.markov.extend(other.markov.get(part).copied());
+                }
+                Knob::CosineSigma(part) if part >= self.exp_cos.len() => {
+                    self.exp_cos.extend(other.exp_cos.get(part).copied());
+                }
+                Knob::Flicker => self.flicker = other.flicker,
+                Knob::StepRatio => self.step = other.step,
+                _ => self.set(knob, other.get(knob)),
+            }
+        }
+    }
+
+    /// Every parameter that it has.
+    pub fn knobs(&self) -> Vec<Knob> {
+        let mut knobs = Vec::new();
+        if self.white > 0.0 {
+            knobs.push(Knob::White);
+        }
+        for index in 0..self.markov.len() {
+            knobs.extend([Knob::MarkovSigma(index), Knob::MarkovTau(index)]);
+        }
+        for index in 0..self.exp_cos.len() {
+            knobs.extend([Knob::CosineSigma(index), Knob::CosineAlpha(index), Knob::CosineBeta(index)]);
+        }
+        let single = [
+            (self.random_walk, Knob::RandomWalk),
+            (self.flicker.sigma, Knob::Flicker),
+            (self.angle, Knob::Angle),
+        ];
+        knobs.extend(single.iter().filter(|(value, _)| *value > 0.0).map(|(_, knob)| *knob));
+        knobs.extend(self.step.map(|_| Knob::StepRatio));
+        knobs
+    }
+
+    /// Noise parts of which a change may consist, for messages.
+    pub fn change_name(change: NoiseChange) -> &'static str {
+        match change {
+            NoiseChange::White => "white",
+            NoiseChange::Markov => "Markov",
+            NoiseChange::ExponentialCosine => "exponential-cosine",
+            NoiseChange::RandomWalk => "random walk",
+            NoiseChange::Flicker => "flicker",
+            NoiseChange::AngleQuantisation => "angle quantisation",
+            NoiseChange::VarianceStep => "change of the white level",
+        }
+    }
+
+    /// Power spectrum at `omega` rad per step of `step_s`, in units in which white noise of σ = 1 has 1.
+    pub fn spectrum(&self, omega: f64, step_s: f64) -> f64 {
+        let pole = |phi: f64, omega: f64| {
+            // |1 − φ e^{−iω}|² without cancellation near φ = 1, ω = 0.
+            let half = (0.5 * omega).sin();
+            (1.0 - phi) * (1.0 - phi) + 4.0 * phi * half * half
+        };
+        let markov: f64 = self
+            .all_markov()
+            .map(|part| {
+                let decay = step_s / part.tau_s;
+                part.sigma * part.sigma * -(-2.0 * decay).exp_m1() / pole((-decay).exp(), omega)
+            })
+            .sum();
+        let cosine: f64 = (self.exp_cos.iter())
+            .map(|part| {
+                let (decay, beta) = (part.alpha * step_s, part.beta * step_s);
+                let phi = (-decay).exp();
+                let both = pole(phi, omega - beta).recip() + pole(phi, omega + beta).recip();
+                0.5 * part.sigma * part.sigma * -(-2.0 * decay).exp_m1() * both
+            })
+            .sum();
+        let difference = pole(1.0, omega).max(1e-300);
+        self.white_variance()
+            + markov
+            + cosine
+            + self.random_walk * self.random_walk * step_s / difference
+            + self.angle * self.angle * difference
+    }
+
+    /// The states of its correlated parts.
+    pub fn states(&self, step_s: f64) -> States {
+        let mut states = States::default();
+        for part in self.all_markov() {
+            let decay = step_s / part.tau_s;
+            let variance = part.sigma * part.sigma;
+            states.push_one((-decay).exp(), variance * -(-2.0 * decay).exp_m1(), variance);
+        }
+        for part in &self.exp_cos {
+            let decay = (-part.alpha * step_s).exp();
+            let (sin, cos) = (part.beta * step_s).sin_cos();
+            let variance = part.sigma * part.sigma;
+            let driven = variance * -(-2.0 * part.alpha * step_s).exp_m1();
+            states.push_two(
+                [[decay * cos, -decay * sin], [decay * sin, decay * cos]],
+                [driven, driven],
+                [variance, variance],
+                [1.0, 0.0],
+            );
+        }
+        if self.random_walk > 0.0 {
+            states.push_one(1.0, self.random_walk * self.random_walk * step_s, 0.0);
+        }
+        if self.angle > 0.0 {
+            let variance = self.angle * self.angle;
+            states.push_two([[0.0, 0.0], [1.0, 0.0]], [variance, 0.0], [variance, variance], [1.0, -1.0]);
+        }
+        states
+    }
+}
+
+/// States of one or two that belong together.
+#[derive(Clone, Debug, Default)]
+pub struct States {
+    /// The groups.
+    pub groups: Vec<Group>,
+}
+
+/// One or two states: transition, variances of the driving noise and at the start, and what of them is seen.
+#[derive(Clone, Copy, Debug)]
+pub struct Group {
+    /// 1 or 2.
+    pub size: usize,
+    /// Transition over a step.
+    pub transition: [[f64; 2]; 2],
+    /// Variance of the driving noise.
+    pub driven: [f64; 2],
+    /// Variance at the start.
+    pub start: [f64; 2],
+    /// Weight in the output.
+    pub seen: [f64; 2],
+}
+
+impl States {
+    fn push_one(&mut self, transition: f64, driven: f64, start: f64) {
+        self.groups.push(Group {
+            size: 1,
+            transition: [[transition, 0.0], [0.0, 0.0]],
+            driven: [driven, 0.0],
+            start: [start, 0.0],
+            seen: [1.0, 0.0],
+        });
+    }
+
+    fn push_two(&mut self, transition: [[f64; 2]; 2], driven: [f64; 2], start: [f64; 2], seen: [f64; 2]) {
+        self.groups.push(Group { size: 2, transition, driven, start, seen });
+    }
+
+    /// Number of states.
+    pub fn len(&self) -> usize {
+        self.groups.iter().map(|group| group.size).sum()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.groups.is_empty()
+    }
+}

@@ -1,0 +1,303 @@
+//! Noise of another structure or level as a candidate: the best fit of each change to one source.
+//!
+//! A change is found on Whittle's likelihood and judged by the exact one. Its evidence is the tail of χ² with as many
+//! degrees of freedom as it has parameters, one more where a part is added (its correlation time means nothing without
+//! it, so that the maximum over it is a scan), and the number of frequencies searched for an exponential-cosine: bounds
+//! that are on the safe side.
+use schuler_recording::case::{ExponentialCosine, Markov};
+
+use crate::catalogue::{NoiseChange, Port};
+use crate::description::Projected;
+use crate::noise::{Flicker, Knob, Noise, VarianceStep};
+use crate::noise_fit::{SourceKnob, exact, polish, whittle};
+use crate::nominal::{Block, Source};
+use crate::spectrum::Spectrum;
+use crate::statistics::{ln_chi_squared_tail, ln_rough_scan_tail};
+use crate::whiten::Filter;
+
+/// Most Markov parts.
+const MOST_MARKOV: usize = 3;
+/// Gain on Whittle's likelihood below which the exact one is not asked.
+const WORTH_POLISHING: f64 = 3.0;
+/// Correlation times tried for a further part: from steps, to a part of the record, by a factor.
+const SHORTEST_STEPS: f64 = 2.0;
+const LONGEST_PART: f64 = 0.3;
+const TAU_FACTOR: f64 = 3.0;
+/// Levels tried for a further part, relative to what one step tells.
+const LEVELS: [f64; 7] = [0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0];
+/// Starts kept for the simplex.
+const STARTS: usize = 2;
+/// Frequencies tried for an exponential-cosine.
+const PEAKS: usize = 4;
+/// Logarithm of the number of places searched for a further Markov part, and for an exponential-cosine.
+const LN_PLACES_MARKOV: f64 = 1.4;
+const LN_PLACES_COSINE: f64 = 3.0;
+/// Rows left on both sides of a change of the white level.
+const MARGIN_ROWS: usize = 20;
+
+/// A change fitted.
+#[derive(Clone, Debug)]
+pub struct ChangeFit {
+    /// The source.
+    pub source: usize,
+    /// What changed.
+    pub change: NoiseChange,
+    /// All noises with it.
+    pub noises: Vec<Noise>,
+    /// The parameters that were fitted.
+    pub knobs: Vec<Knob>,
+    /// Gain in exact log-likelihood.
+    pub gain: f64,
+    /// Degrees of freedom by which it is judged.
+    pub freedom: usize,
+    /// ln of the number of places where it was sought.
+    pub ln_places: f64,
+    /// ln of the probability of such a gain without a change, over all places where it was sought.
+    pub ln_p: f64,
+}
+
+/// A block seen under its present noises.
+pub struct View<'b> {
+    /// The block.
+    pub block: &'b Block,
+    /// Its data and regressors.
+    pub projected: &'b Projected,
+    /// Present noises of all sources.
+    pub noises: &'b [Noise],
+    /// Their filter.
+    pub filter: &'b Filter,
+    /// Whitened residuals.
+    pub whitened: &'b [f64],
+    /// Their spectrum.
+    pub spectrum: &'b Spectrum,
+    /// Exact log-likelihood.
+    pub log_likelihood: f64,
+}
+
+/// Noises to start from, the parameters to fit, degrees of freedom, and ln of the number of places searched.
+struct Start {
+    noises: Vec<Noise>,
+    knobs: Vec<Knob>,
+    freedom: usize,
+    ln_places: f64,
+}
+
+impl View<'_> {
+    /// The best fit of a change to a source; `None` where it gains nothing.
+    pub fn fit(&self, source: usize, origin: &Source, change: NoiseChange) -> Option<ChangeFit> {
+        if change == NoiseChange::VarianceStep {
+            return self.fit_step(source);
+        }
+        let base = self.spectrum.log_likelihood(self.block, self.noises);
+        let mut starts: Vec<(f64, Start)> = (self.starts(source, origin, change).into_iter())
+            .map(|start| (self.spectrum.log_likelihood(self.block, &start.noises), start))
+            .filter(|(likelihood, _)| likelihood.is_finite())
+            .collect();
+        starts.sort_by(|a, b| b.0.total_cmp(&a.0));
+        // One start each for what is of another kind.
+        let mut kept: Vec<Start> = Vec::new();
+        for (_, start) in starts {
+            let same = kept.iter().filter(|other| other.knobs == start.knobs).count();
+            if same < STARTS {
+                kept.push(start);
+            }
+        }
+        let mut best: Option<ChangeFit> = None;
+        for start in kept {
+            let knobs: Vec<SourceKnob> = start.knobs.iter().map(|&knob| (source, knob)).collect();
+            let (noises, likelihood) = whittle(self.block, self.spectrum, &start.noises, &knobs);
+            if likelihood - base < WORTH_POLISHING {
+                continue;
+            }
+            let fit = polish(self.block, self.spectrum, self.projected, &noises, &knobs);
+            let gain = fit.log_likelihood - self.log_likelihood;
+            let ln_p = (ln_chi_squared_tail(2.0 * gain, start.freedom) + start.ln_places).min(0.0);
+            if best.as_ref().is_none_or(|best| ln_p < best.ln_p) {
+                best = Some(ChangeFit {
+                    source,
+                    change,
+                    noises: fit.noises,
+                    knobs: start.knobs,
+                    gain,
+                    freedom: start.freedom,
+                    ln_places: start.ln_places,
+                    ln_p,
+                });
+            }
+        }
+        best
+    }
+
+    /// What one step tells of a source: the unit in which levels are tried.
+    fn unit(&self, source: usize, origin: &Source) -> f64 {
+        if origin.port == Port::Output {
+            let (_, whitening) = self.filter.settled();
+            return whitening.first().map_or(1.0, |w| w.recip());
+        }
+        let own = &self.noises[source];
+        let sigma = own.markov.iter().map(|part| part.sigma).chain(own.exp_cos.iter().map(|part| part.sigma));
+        let fallback = if origin.port == Port::Accelerometer { 1e-3 } else { 5e-7 };
+        sigma.fold(0.0, f64::max).max(1e-3 * fallback)
+    }
+
+    fn starts(&self, source: usize, origin: &Source, change: NoiseChange) -> Vec<Start> {
+        let own = &self.noises[source];
+        let unit = self.unit(source, origin);
+        let step_s = self.block.step_s();
+        let length_s = step_s * self.block.rows() as f64;
+        let with = |alter: &dyn Fn(&mut Noise)| {
+            let mut noises = self.noises.to_vec();
+            alter(&mut noises[source]);
+            noises
+        };
+        let single = |knob: Knob, freedom: usize| {
+            let value = own.get(knob);
+            let levels: Vec<f64> = if value > 0.0 { vec![value] } else { LEVELS.map(|l| l * unit).to_vec() };
+            levels
+                .into_iter()
+                .map(|level| Start {
+                    noises: with(&|noise| noise.set(knob, level)),
+                    knobs: vec![knob],
+                    freedom,
+                    ln_places: 0.0,
+                })
+                .collect::<Vec<_>>()
+        };
+        match change {
+            // A change of the white level has its own search; white noise and rounding are of an output alone.
+            NoiseChange::VarianceStep => Vec::new(),
+            NoiseChange::White | NoiseChange::AngleQuantisation if origin.port != Port::Output => Vec::new(),
+            NoiseChange::White => single(Knob::White, 1),
+            NoiseChange::RandomWalk => {
+                let mut starts = single(Knob::RandomWalk, 1);
+                for start in &mut starts {
+                    if own.random_walk == 0.0 {
+                        start.noises[source].random_walk *= 0.1 / step_s.sqrt();
+                    }
+                }
+                starts
+            }
+            NoiseChange::AngleQuantisation => single(Knob::Angle, 1),
+            NoiseChange::Flicker => {
+                let tau_s = [SHORTEST_STEPS * step_s, LONGEST_PART * length_s];
+                let mut starts = single(Knob::Flicker, 1);
+                for start in &mut starts {
+                    let flicker = &mut start.noises[source].flicker;
+                    *flicker = Flicker { tau_s, ..*flicker };
+                }
+                starts
+            }
+            NoiseChange::Markov => {
+                let mut starts: Vec<Start> = (0..own.markov.len())
+                    .map(|part| Start {
+                        noises: self.noises.to_vec(),
+                        knobs: vec![Knob::MarkovSigma(part), Knob::MarkovTau(part)],
+                        freedom: 2,
+                        ln_places: 0.0,
+                    })
+                    .collect();
+                let part = own.markov.len();
+                let mut tau_s = SHORTEST_STEPS * step_s;
+                while part < MOST_MARKOV && tau_s < LONGEST_PART * length_s {
+                    for level in LEVELS {
+                        let sigma = level * unit;
+                        starts.push(Start {
+                            noises: with(&|noise| noise.markov.push(Markov { sigma, tau_s })),
+                            knobs: vec![Knob::MarkovSigma(part), Knob::MarkovTau(part)],
+                            freedom: 2,
+                            ln_places: LN_PLACES_MARKOV,
+                        });
+                    }
+                    tau_s *= TAU_FACTOR;
+                }
+                starts
+            }
+            NoiseChange::ExponentialCosine => self.cosine_starts(source, unit),
+        }
+    }
+
+    /// Parts that are there, set free, and further ones at the frequencies that stand out.
+    fn cosine_starts(&self, source: usize, unit: f64) -> Vec<Start> {
+        let own = &self.noises[source];
+        let step_s = self.block.step_s();
+        let with = |noise: ExponentialCosine| {
+            let mut noises = self.noises.to_vec();
+            noises[source].exp_cos.push(noise);
+            noises
+        };
+        let knobs = |part| vec![Knob::CosineSigma(part), Knob::CosineAlpha(part), Knob::CosineBeta(part)];
+        let mut starts: Vec<Start> = (0..own.exp_cos.len())
+            .map(|part| Start {
+                noises: self.noises.to_vec(),
+                knobs: knobs(part),
+                freedom: 3,
+                ln_places: 0.0,
+            })
+            .collect();
+        let part = own.exp_cos.len();
+        for omega in self.spectrum.peaks(PEAKS) {
+            let beta = omega / step_s;
+            for damping in [0.03, 0.2, 1.0] {
+                for level in LEVELS {
+                    let noise = ExponentialCosine { sigma: level * unit, alpha: damping * beta, beta };
+                    starts.push(Start {
+                        noises: with(noise),
+                        knobs: knobs(part),
+                        freedom: 3,
+                        ln_places: LN_PLACES_COSINE,
+                    });
+                }
+            }
+        }
+        starts
+    }
+
+    /// A change of the white level, at the time found on the squares of the innovations.
+    fn fit_step(&self, source: usize) -> Option<ChangeFit> {
+        let noise = &self.noises[source];
+        if noise.white <= 0.0 || noise.step.is_some() {
+            return None;
+        }
+        let (rows, channels) = (self.block.rows(), self.block.channels);
+        let (mut sum, mut number) = (0.0, 0.0);
+        let mut best = (0.0, 0, 1.0);
+        for row in (MARGIN_ROWS..rows).rev() {
+            if !self.block.present[row] {
+                continue;
+            }
+            sum += (0..channels).map(|c| self.whitened[c * rows + row].powi(2)).sum::<f64>();
+            number += channels as f64;
+            if number < MARGIN_ROWS as f64 {
+                continue;
+            }
+            let ratio: f64 = sum / number;
+            let gain = 0.5 * number * (ratio - 1.0 - ratio.max(1e-12).ln());
+            if gain > best.0 {
+                best = (gain, row, ratio);
+            }
+        }
+        let (gain, row, ratio) = best;
+        if gain < WORTH_POLISHING {
+            return None;
+        }
+        let fit_at = |row: usize| {
+            let likelihood = |log: f64| {
+                let mut noises = self.noises.to_vec();
+                noises[source].step = Some(VarianceStep { row, ratio: log.exp() });
+                -exact(self.block, &noises, self.projected)
+            };
+            let middle = 0.5 * ratio.ln();
+            let (log, cost) = crate::minimise::golden(middle - 0.7, middle + 1.5, 0.003, likelihood);
+            (log, -cost - self.log_likelihood)
+        };
+        let (log, gain) = fit_at(row);
+        let correlations = (MARGIN_ROWS..rows).map(|n| (1.0 - 1.0 / n as f64).sqrt());
+        let ln_p = ln_rough_scan_tail((2.0 * gain.max(0.0)).sqrt(), correlations);
+        let ln_places = (ln_p - ln_chi_squared_tail(2.0 * gain, 1)).max(0.0);
+        let mut noises = self.noises.to_vec();
+        noises[source].step = Some(VarianceStep { row, ratio: log.exp() });
+        let knobs = vec![Knob::StepRatio];
+        let change = NoiseChange::VarianceStep;
+        Some(ChangeFit { source, change, noises, knobs, gain, freedom: 1, ln_places, ln_p })
+    }
+}

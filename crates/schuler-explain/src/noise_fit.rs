@@ -1,0 +1,200 @@
+//! Maximum likelihood of noise parameters: Whittle's likelihood finds the place, the exact one has the last word.
+use nalgebra::{DMatrix, DVector};
+
+use crate::description::{Projected, Sums};
+use crate::least_squares::solve;
+use crate::minimise::{IMPOSSIBLE, simplex};
+use crate::noise::{Knob, Noise};
+use crate::nominal::Block;
+use crate::spectrum::Spectrum;
+
+/// Side of the first simplex, in logarithms.
+const SIDE: f64 = 0.7;
+/// Spread of the simplex's log-likelihoods at which it ends.
+const SPREAD: f64 = 0.01;
+/// Iterations of the simplex for each parameter.
+const ITERATIONS: u64 = 80;
+/// Step of the derivatives, in logarithms.
+const STEP: f64 = 0.05;
+/// Newton steps on the exact likelihood.
+const NEWTON: usize = 8;
+/// Gain that the next Newton step must promise.
+const PROMISE: f64 = 0.01;
+/// Least information about a logarithm that a step takes for granted.
+const LEAST_INFORMATION: f64 = 1.0;
+/// Most change of a logarithm in one step.
+const MOST_STEP: f64 = 1.0;
+
+/// A parameter of the noise of a source.
+pub type SourceKnob = (usize, Knob);
+
+/// Noises at the maximum of their likelihood.
+#[derive(Clone, Debug)]
+pub struct NoiseFit {
+    /// All noises.
+    pub noises: Vec<Noise>,
+    /// Exact log-likelihood of the block.
+    pub log_likelihood: f64,
+}
+
+/// `noises` with the logarithms of the given parameters.
+pub fn with_logs(noises: &[Noise], knobs: &[SourceKnob], logs: &[f64]) -> Vec<Noise> {
+    let mut noises = noises.to_vec();
+    for (&(source, knob), log) in knobs.iter().zip(logs) {
+        noises[source].set(knob, log.exp());
+    }
+    noises
+}
+
+/// Logarithms of the given parameters.
+pub fn logs_of(noises: &[Noise], knobs: &[SourceKnob]) -> Vec<f64> {
+    knobs.iter().map(|&(source, knob)| noises[source].get(knob).max(1e-300).ln()).collect()
+}
+
+/// Square of how far parameters lie outside of what a record of `rows` steps can tell.
+fn outside(knobs: &[SourceKnob], logs: &[f64], step_s: f64, rows: usize) -> f64 {
+    let length_s = step_s * rows as f64;
+    let beyond = |(&(_, knob), &log): (&SourceKnob, &f64)| {
+        let (low, high): (f64, f64) = match knob {
+            Knob::MarkovTau(_) => (0.3 * step_s, length_s),
+            Knob::CosineAlpha(_) => (0.3 / length_s, 1.0 / step_s),
+            Knob::CosineBeta(_) => (1.0 / length_s, 3.0 / step_s),
+            Knob::StepRatio => (0.01, 100.0),
+            _ => return 0.0,
+        };
+        (low.ln() - log).max(log - high.ln()).max(0.0).powi(2)
+    };
+    knobs.iter().zip(logs).map(beyond).sum()
+}
+
+/// Exact log-likelihood of a block under `noises`, its regressors at their best; −∞ where it cannot be computed.
+pub fn exact(block: &Block, noises: &[Noise], projected: &Projected) -> f64 {
+    let best = block.filter(noises).map_or(f64::NEG_INFINITY, |filter| Sums::new(&filter, projected).best());
+    if best.is_finite() { best } else { f64::NEG_INFINITY }
+}
+
+/// The maximum of Whittle's likelihood over `knobs` from the noises given; noises and log-likelihood.
+pub fn whittle(
+    block: &Block,
+    spectrum: &Spectrum,
+    noises: &[Noise],
+    knobs: &[SourceKnob],
+) -> (Vec<Noise>, f64) {
+    let start = logs_of(noises, knobs);
+    let (step_s, rows) = (block.step_s(), block.rows());
+    let cost = |logs: &[f64]| {
+        let beyond = outside(knobs, logs, step_s, rows);
+        100.0 * beyond - spectrum.log_likelihood(block, &with_logs(noises, knobs, logs))
+    };
+    let iterations = ITERATIONS * knobs.len() as u64;
+    let (best, cost) = simplex(&start, &vec![SIDE; start.len()], SPREAD, iterations, cost);
+    (with_logs(noises, knobs, &best), -cost)
+}
+
+/// The maximum of the exact likelihood over `knobs`, from noises near it; curvatures from Whittle's.
+pub fn polish(
+    block: &Block,
+    spectrum: &Spectrum,
+    projected: &Projected,
+    noises: &[Noise],
+    knobs: &[SourceKnob],
+) -> NoiseFit {
+    let (step_s, rows) = (block.step_s(), block.rows());
+    let likelihood = |logs: &[f64]| {
+        let beyond = outside(knobs, logs, step_s, rows);
+        exact(block, &with_logs(noises, knobs, logs), projected) - 100.0 * beyond
+    };
+    let mut logs = logs_of(noises, knobs);
+    let mut here = likelihood(&logs);
+    if here == f64::NEG_INFINITY {
+        return NoiseFit { noises: noises.to_vec(), log_likelihood: here };
+    }
+    for _ in 0..NEWTON {
+        let cost = |logs: &[f64]| -spectrum.log_likelihood(block, &with_logs(noises, knobs, logs));
+        let mut information = curvature(&logs, STEP, cost);
+        let size = logs.len();
+        let mut gradient = DVector::zeros(size);
+        for axis in 0..size {
+            let moved = |by: f64| {
+                let mut moved = logs.clone();
+                moved[axis] += by;
+                likelihood(&moved)
+            };
+            let (up, down) = (moved(STEP), moved(-STEP));
+            gradient[axis] =
+                if up.is_finite() && down.is_finite() { (up - down) / (2.0 * STEP) } else { 0.0 };
+            // The exact likelihood's own curvature along the axis, where it is larger.
+            let own = (2.0 * here - up - down) / (STEP * STEP);
+            if own.is_finite() && own > information[(axis, axis)] {
+                information[(axis, axis)] = own;
+            }
+        }
+        let eigen = information.symmetric_eigen();
+        let inverse = eigen.eigenvalues.map(|value| value.max(LEAST_INFORMATION).recip());
+        let step = &eigen.eigenvectors * inverse.component_mul(&(eigen.eigenvectors.transpose() * &gradient));
+        if 0.5 * gradient.dot(&step) < PROMISE {
+            break;
+        }
+        let mut scale = (MOST_STEP / step.amax()).min(1.0);
+        let mut moved = false;
+        for _ in 0..4 {
+            let next: Vec<f64> = logs.iter().zip(step.iter()).map(|(log, step)| log + scale * step).collect();
+            let there = likelihood(&next);
+            if there > here {
+                (logs, here, moved) = (next, there, true);
+                break;
+            }
+            scale *= 0.3;
+        }
+        if !moved {
+            break;
+        }
+    }
+    NoiseFit { noises: with_logs(noises, knobs, &logs), log_likelihood: here }
+}
+
+/// Second derivatives of `cost`.
+pub fn curvature(at: &[f64], step: f64, cost: impl Fn(&[f64]) -> f64) -> DMatrix<f64> {
+    let size = at.len();
+    let moved = |i: usize, by_i: f64, j: usize, by_j: f64| {
+        let mut moved = at.to_vec();
+        moved[i] += by_i;
+        moved[j] += by_j;
+        let cost = cost(&moved);
+        if cost.is_finite() { cost } else { IMPOSSIBLE }
+    };
+    let here = moved(0, 0.0, 0, 0.0);
+    let mut curvature = DMatrix::zeros(size, size);
+    for i in 0..size {
+        for j in 0..=i {
+            let value = if i == j {
+                (moved(i, step, i, 0.0) + moved(i, -step, i, 0.0) - 2.0 * here) / (step * step)
+            } else {
+                let plus = moved(i, step, j, step) + moved(i, -step, j, -step);
+                (plus - moved(i, step, j, -step) - moved(i, -step, j, step)) / (4.0 * step * step)
+            };
+            curvature[(i, j)] = value;
+            curvature[(j, i)] = value;
+        }
+    }
+    curvature
+}
+
+/// Whitened residuals of a block after its regressors at their best.
+pub fn whitened_remainder(filter: &crate::whiten::Filter, projected: &Projected) -> Vec<f64> {
+    let columns: Vec<&[f64]> =
+        std::iter::once(&projected.data).chain(&projected.columns).map(Vec::as_slice).collect();
+    let mut whitened = filter.whiten(&columns);
+    let sums = Sums::of_whitened(filter, &whitened);
+    let mut remainder = whitened.swap_remove(0);
+    if !sums.scores.is_empty() {
+        let solution = solve(&sums.normal, &sums.scores);
+        // The first was replaced by the last.
+        let regressors = whitened.len();
+        for (place, amplitude) in solution.amplitudes.iter().enumerate() {
+            let column = if place + 1 == regressors { &whitened[0] } else { &whitened[place + 1] };
+            remainder.iter_mut().zip(column).for_each(|(value, column)| *value -= amplitude * column);
+        }
+    }
+    remainder
+}

@@ -1,0 +1,653 @@
+//! What the user believes, as linear-Gaussian models in blocks of channels that are filtered together.
+//!
+//! | motion | block | channels |
+//! | --- | --- | --- |
+//! | static, recorded | one a sensor | output − (1 + scale) · ideal output − bias − temperature dependence |
+//! | unknown | one a dimension | parity vector p = V r with V A = 0, A the sensors' axes [FDI-4] |
+//! | velocity error | the Schuler loop | V_ins − V_ref; states δV, δ and the noise of both inertial sensors [FIL-1] |
+//!
+//! Noise comes from *sources*: one a sensor, and two more for the loop's accelerometer and gyro. Everything is in SI
+//! units.
+use nalgebra::{Complex, DMatrix};
+use schuler_recording::Recording;
+use schuler_recording::case::{MotionKind, SensorKind};
+use schuler_recording::motion::predict;
+use schuler_recording::unit::{Dimension, Unit};
+
+use crate::catalogue::{Column, Port};
+use crate::noise::Noise;
+use crate::whiten::{Filter, MOST_CHANNELS, MOST_STATES, Space};
+
+/// Standard deviations of the loop's velocity error, m/s, and vertical error, rad, at the start.
+const LOOP_START: [f64; 2] = [0.1, 1e-4];
+/// A first velocity error of this many of its standard deviations means that the loop starts from there.
+const START_SIGMAS: f64 = 3.0;
+/// Least part of the rows that a sensor of a redundant set must have.
+const LEAST_PRESENT: f64 = 0.5;
+/// Fewest rows of a block from which anything can be learnt.
+pub const FEWEST_ROWS: usize = 50;
+/// Eigenvalue, relative to the largest, below which a direction is not seen by any sensor.
+const NULL_SPACE: f64 = 1e-9;
+
+/// Where noise comes from.
+#[derive(Clone, Debug)]
+pub struct Source {
+    /// Name in the answer.
+    pub name: String,
+    /// The recorded sensor.
+    pub sensor: usize,
+    /// Where it enters.
+    pub port: Port,
+    /// Noise that the user believes in.
+    pub nominal: Noise,
+    /// Whether the user says nothing of the noise, so that it is estimated.
+    pub unknown: bool,
+    /// Unit of the answer.
+    pub unit: Unit,
+}
+
+/// How sensors become channels.
+#[derive(Clone, Debug)]
+enum Geometry {
+    /// The one sensor is the one channel.
+    Direct,
+    /// V, channels by sensors.
+    Parity(DMatrix<f64>),
+    /// The Schuler loop over a step.
+    Loop(SchulerStep),
+}
+
+/// The undisturbed loop over a step, and what a constant accelerometer error and gyro drift add.
+#[derive(Clone, Copy, Debug)]
+struct SchulerStep {
+    transition: [[f64; 2]; 2],
+    accelerometer: [f64; 2],
+    gyro: [f64; 2],
+    start: [f64; 2],
+}
+
+/// Channels that are filtered together.
+#[derive(Clone, Debug)]
+pub struct Block {
+    /// Its sensors, by their places in the recording.
+    pub sensors: Vec<usize>,
+    /// Its sources, by their places in [`Model::sources`].
+    pub sources: Vec<usize>,
+    /// Number of channels.
+    pub channels: usize,
+    /// Residuals, channel after channel; NaN where missing.
+    pub data: Vec<f64>,
+    /// Rows that are present.
+    pub present: Vec<bool>,
+    geometry: Geometry,
+    step_s: f64,
+}
+
+/// The nominal model of a case.
+#[derive(Clone, Debug)]
+pub struct Model {
+    /// The sources of noise.
+    pub sources: Vec<Source>,
+    /// The blocks.
+    pub blocks: Vec<Block>,
+    /// Constants that are fitted and are never a finding.
+    pub constants: Vec<Column>,
+    /// Number of rows.
+    pub rows: usize,
+    /// Step, s.
+    pub step_s: f64,
+    /// What the user should be told.
+    pub notes: Vec<String>,
+}
+
+impl Model {
+    /// The nominal model of `recording`, without the readings in `masked` (one list of flags a sensor).
+    ///
+    /// # Errors
+    /// Why there is nothing to compare.
+    pub fn new(recording: &Recording, masked: &[Vec<bool>]) -> Result<Self, String> {
+        let mut model = Self {
+            sources: Vec::new(),
+            blocks: Vec::new(),
+            constants: Vec::new(),
+            rows: recording.len(),
+            step_s: recording.step_s,
+            notes: Vec::new(),
+        };
+        match recording.case.motion.kind {
+            MotionKind::Static | MotionKind::Recorded => model.add_known(recording, masked),
+            MotionKind::Unknown => model.add_redundant(recording, masked),
+            MotionKind::VelocityError => model.add_loop(recording, masked),
+        }
+        if model.blocks.is_empty() {
+            return Err(format!("nothing to compare with the simulation: {}", model.notes.join("; ")));
+        }
+        for block in &model.blocks {
+            for &sensor in &block.sensors {
+                if recording.sensors[sensor].sensor.relative {
+                    model.constants.push(Column { parts: vec![(sensor, vec![1.0; model.rows])] });
+                }
+            }
+        }
+        Ok(model)
+    }
+
+    /// The block in which a sensor is.
+    pub fn block_of(&self, sensor: usize) -> Option<usize> {
+        self.blocks.iter().position(|block| block.sensors.contains(&sensor))
+    }
+
+    /// The source of a sensor at a port.
+    pub fn source_of(&self, sensor: usize, port: Port) -> Option<usize> {
+        self.sources.iter().position(|source| source.sensor == sensor && source.port == port)
+    }
+
+    /// Noise of every source as the user believes.
+    pub fn nominal_noises(&self) -> Vec<Noise> {
+        self.sources.iter().map(|source| source.nominal.clone()).collect()
+    }
+
+    fn add_source(&mut self, recording: &Recording, index: usize) -> usize {
+        let series = &recording.sensors[index];
+        let nominal = Noise::nominal(&series.sensor.nominal, series.sensor.quantisation);
+        let unknown =
+            series.sensor.nominal.white == 0.0 && nominal.markov.is_empty() && nominal.exp_cos.is_empty();
+        self.sources.push(Source {
+            name: series.sensor.id.clone(),
+            sensor: index,
+            port: Port::Output,
+            unknown,
+            nominal,
+            unit: series.written_unit,
+        });
+        self.sources.len() - 1
+    }
+
+    fn add_known(&mut self, recording: &Recording, masked: &[Vec<bool>]) {
+        for (index, series) in recording.sensors.iter().enumerate() {
+            let sensor = &series.sensor;
+            let prediction = match predict(recording, sensor) {
+                Ok(prediction) => prediction,
+                Err(reason) => {
+                    self.notes.push(format!("{} cannot be predicted: {reason}", sensor.id));
+                    continue;
+                }
+            };
+            let own = own_part(recording, index);
+            let scale = 1.0 + 1e-6 * sensor.nominal.scale_factor_ppm;
+            let data: Vec<f64> = (series.values.iter().zip(&own).enumerate())
+                .map(|(row, (value, own))| {
+                    let hidden =
+                        masked.get(index).and_then(|rows| rows.get(row)).is_some_and(|&hidden| hidden);
+                    if hidden { f64::NAN } else { value - scale * prediction.at(row) - own }
+                })
+                .collect();
+            let source = self.add_source(recording, index);
+            self.add_block(vec![index], vec![source], 1, data, Geometry::Direct);
+        }
+    }
+
+    fn add_redundant(&mut self, recording: &Recording, masked: &[Vec<bool>]) {
+        for dimension in [Dimension::AngularRate, Dimension::Acceleration, Dimension::Velocity] {
+            let mut indices = Vec::new();
+            for (index, series) in recording.sensors.iter().enumerate() {
+                let sensor = &series.sensor;
+                if sensor.kind.dimension() != dimension {
+                    continue;
+                }
+                let present = series.values.iter().filter(|value| value.is_finite()).count();
+                if (present as f64) < LEAST_PRESENT * recording.len() as f64 {
+                    self.notes.push(format!("{} has too few values to be checked against others", sensor.id));
+                } else if sensor.axis.is_none() && dimension != Dimension::Velocity {
+                    self.notes.push(format!("{} has no axis", sensor.id));
+                } else {
+                    indices.push(index);
+                }
+            }
+            if indices.is_empty() {
+                continue;
+            }
+            let axes = DMatrix::from_fn(indices.len(), 3, |row, axis| {
+                let along = recording.sensors[indices[row]].sensor.axis.unwrap_or([1.0, 0.0, 0.0]);
+                along[axis]
+            });
+            let parity = left_null_space(&axes);
+            let names = || {
+                let names = indices.iter().map(|&index| recording.sensors[index].sensor.id.as_str());
+                names.collect::<Vec<_>>().join(", ")
+            };
+            if parity.nrows() == 0 {
+                self.notes.push(format!("{} are not redundant: nothing checks them", names()));
+                continue;
+            }
+            if parity.nrows() > MOST_CHANNELS {
+                self.notes.push(format!("{} are too many to be checked together", names()));
+                continue;
+            }
+            let rows = recording.len();
+            let own: Vec<Vec<f64>> = indices.iter().map(|&index| own_part(recording, index)).collect();
+            let mut data = vec![0.0; parity.nrows() * rows];
+            for (column, (&index, own)) in indices.iter().zip(&own).enumerate() {
+                let series = &recording.sensors[index];
+                let scale = 1.0 + 1e-6 * series.sensor.nominal.scale_factor_ppm;
+                for row in 0..rows {
+                    let hidden =
+                        masked.get(index).and_then(|rows| rows.get(row)).is_some_and(|&hidden| hidden);
+                    let value = if hidden { f64::NAN } else { (series.values[row] - own[row]) / scale };
+                    for channel in 0..parity.nrows() {
+                        data[channel * rows + row] += parity[(channel, column)] * value;
+                    }
+                }
+            }
+            let sources = indices.iter().map(|&index| self.add_source(recording, index)).collect();
+            self.add_block(indices, sources, parity.nrows(), data, Geometry::Parity(parity));
+        }
+    }
+
+    fn add_loop(&mut self, recording: &Recording, masked: &[Vec<bool>]) {
+        for (index, series) in recording.sensors.iter().enumerate() {
+            if series.sensor.kind != SensorKind::InsVelocity {
+                self.notes.push(format!("{} is not checked in a velocity-error case", series.sensor.id));
+                continue;
+            }
+            let own = own_part(recording, index);
+            let data: Vec<f64> = (series.values.iter().zip(&own).enumerate())
+                .map(|(row, (value, own))| {
+                    let hidden =
+                        masked.get(index).and_then(|rows| rows.get(row)).is_some_and(|&hidden| hidden);
+                    if hidden { f64::NAN } else { value - own }
+                })
+                .collect();
+            let given = recording.case.schuler_loop.unwrap_or_default();
+            let mut nominal = Noise::nominal(&series.sensor.nominal, series.sensor.quantisation);
+            nominal.white = if given.velocity_white > 0.0 { given.velocity_white } else { nominal.white };
+            let noise = |markov: Option<schuler_recording::case::Markov>| Noise {
+                markov: markov.into_iter().filter(|part| part.sigma > 0.0).collect(),
+                ..Noise::default()
+            };
+            let inertial = [
+                ("accelerometer", Port::Accelerometer, noise(given.accelerometer), Dimension::Acceleration),
+                ("gyro", Port::Gyro, noise(given.gyro), Dimension::AngularRate),
+            ];
+            let first = self.sources.len();
+            self.sources.push(Source {
+                name: "velocity".to_owned(),
+                sensor: index,
+                port: Port::Output,
+                unknown: nominal.is_none(),
+                nominal,
+                unit: series.written_unit,
+            });
+            for (name, port, nominal, dimension) in inertial {
+                self.sources.push(Source {
+                    name: name.to_owned(),
+                    sensor: index,
+                    port,
+                    unknown: false,
+                    nominal,
+                    unit: dimension.si_unit(),
+                });
+            }
+            let start = data.iter().copied().find(|value| value.is_finite()).unwrap_or_default();
+            let step = SchulerStep::new(given.gravity, given.radius_m, recording.step_s, start);
+            self.add_block(vec![index], vec![first, first + 1, first + 2], 1, data, Geometry::Loop(step));
+            return;
+        }
+        self.notes.push("a velocity-error case needs a sensor of kind ins_velocity".to_owned());
+    }
+
+    fn add_block(
+        &mut self,
+        sensors: Vec<usize>,
+        sources: Vec<usize>,
+        channels: usize,
+        mut data: Vec<f64>,
+        geometry: Geometry,
+    ) {
+        let rows = self.rows;
+        let present: Vec<bool> =
+            (0..rows).map(|row| (0..channels).all(|c| data[c * rows + row].is_finite())).collect();
+        for (flat, value) in data.iter_mut().enumerate() {
+            if !present[flat % rows] {
+                *value = f64::NAN;
+            }
+        }
+        let count = present.iter().filter(|&&present| present).count();
+        if count < FEWEST_ROWS {
+            let names: Vec<&str> = sources.iter().map(|&source| self.sources[source].name.as_str()).collect();
+            self.notes.push(format!(
+                "{}: {count} usable values; at least {FEWEST_ROWS} are needed",
+                names.join(", ")
+            ));
+            self.sources.truncate(sources.first().copied().unwrap_or(self.sources.len()));
+            return;
+        }
+        self.blocks.push(Block { sensors, sources, channels, data, present, geometry, step_s: self.step_s });
+    }
+}
+
+/// What a sensor adds of itself: bias and the dependence on temperature.
+fn own_part(recording: &Recording, index: usize) -> Vec<f64> {
+    let nominal = &recording.sensors[index].sensor.nominal;
+    let mut own = vec![nominal.bias; recording.len()];
+    if let Some(dependence) = &nominal.temperature_bias
+        && let Some(temperature) = recording.auxiliary(&dependence.column)
+    {
+        for (own, temperature) in own.iter_mut().zip(&temperature.values) {
+            let off = temperature - dependence.reference_deg_c;
+            *own += off * dependence.coefficients.iter().rev().fold(0.0, |sum, c| sum * off + c);
+        }
+    }
+    own
+}
+
+/// Orthonormal rows V with V A = 0 [FDI-4].
+fn left_null_space(axes: &DMatrix<f64>) -> DMatrix<f64> {
+    let eigen = (axes * axes.transpose()).symmetric_eigen();
+    let largest = eigen.eigenvalues.amax();
+    let null: Vec<_> = (0..axes.nrows())
+        .filter(|&index| eigen.eigenvalues[index] < NULL_SPACE * largest)
+        .map(|index| eigen.eigenvectors.column(index).transpose())
+        .collect();
+    if null.is_empty() { DMatrix::zeros(0, axes.nrows()) } else { DMatrix::from_rows(&null) }
+}
+
+impl SchulerStep {
+    fn new(gravity: f64, radius: f64, step_s: f64, first: f64) -> Self {
+        let omega = (gravity / radius).sqrt();
+        let speed = (gravity * radius).sqrt();
+        let (sin, cos) = (omega * step_s).sin_cos();
+        let start = if first.abs() > START_SIGMAS * LOOP_START[0] { first.abs() } else { LOOP_START[0] };
+        Self {
+            transition: [[cos, -speed * sin], [sin / speed, cos]],
+            accelerometer: [sin / omega, (1.0 - cos) / (omega * speed)],
+            gyro: [-speed * (1.0 - cos) / omega, sin / omega],
+            start: [start, LOOP_START[1]],
+        }
+    }
+
+    fn of_port(&self, port: Port) -> Option<[f64; 2]> {
+        match port {
+            Port::Output => None,
+            Port::Accelerometer => Some(self.accelerometer),
+            Port::Gyro => Some(self.gyro),
+        }
+    }
+}
+
+impl Block {
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.present.len()
+    }
+
+    /// Number of rows present.
+    pub fn count(&self) -> usize {
+        self.present.iter().filter(|&&present| present).count()
+    }
+
+    /// What a column at a port adds to the channels; `None` where it does not reach them.
+    ///
+    /// What is not a number counts as 0.
+    pub fn project(&self, column: &Column, port: Port) -> Option<Vec<f64>> {
+        let mut values = self.projected(column, port)?;
+        values.iter_mut().filter(|value| !value.is_finite()).for_each(|value| *value = 0.0);
+        values.resize(self.channels * self.rows(), 0.0);
+        Some(values)
+    }
+
+    fn projected(&self, column: &Column, port: Port) -> Option<Vec<f64>> {
+        let reaches = |(sensor, _): &&(usize, Vec<f64>)| self.sensors.contains(sensor);
+        match &self.geometry {
+            Geometry::Direct if port != Port::Output => None,
+            Geometry::Direct => column.parts.iter().find(reaches).map(|(_, values)| values.clone()),
+            Geometry::Parity(parity) => {
+                let rows = self.rows();
+                let mut data: Option<Vec<f64>> = None;
+                for (sensor, values) in column.parts.iter().filter(reaches) {
+                    let place = self.sensors.iter().position(|own| own == sensor)?;
+                    let data = data.get_or_insert_with(|| vec![0.0; self.channels * rows]);
+                    for channel in 0..self.channels {
+                        let weight = parity[(channel, place)];
+                        for (sum, value) in data[channel * rows..].iter_mut().zip(values) {
+                            *sum += weight * value;
+                        }
+                    }
+                }
+                data
+            }
+            Geometry::Loop(step) => {
+                let (_, values) = column.parts.iter().find(reaches)?;
+                Some(
+                    step.of_port(port).map_or_else(|| values.clone(), |enters| step.response(values, enters)),
+                )
+            }
+        }
+    }
+
+    /// The transpose of [`project`](Self::project): scores of the channels become scores of a sensor's unit impulses.
+    pub fn back_project(&self, scores: &[f64], sensor: usize, port: Port) -> Option<Vec<f64>> {
+        let place = self.sensors.iter().position(|&own| own == sensor)?;
+        match &self.geometry {
+            Geometry::Direct => (port == Port::Output).then(|| scores.to_vec()),
+            Geometry::Parity(parity) => {
+                let rows = self.rows();
+                let mut data = vec![0.0; rows];
+                for channel in 0..self.channels {
+                    let weight = parity[(channel, place)];
+                    for (sum, value) in data.iter_mut().zip(&scores[channel * rows..]) {
+                        *sum += weight * value;
+                    }
+                }
+                Some(data)
+            }
+            Geometry::Loop(step) => Some(
+                step.of_port(port)
+                    .map_or_else(|| scores.to_vec(), |enters| step.transposed_response(scores, enters)),
+            ),
+        }
+    }
+
+    /// The model in state-space form with the given noises of all sources.
+    pub fn space(&self, noises: &[Noise]) -> Space {
+        let parts: Vec<_> = self.sources.iter().map(|&source| noises[source].states(self.step_s)).collect();
+        let navigation = if matches!(self.geometry, Geometry::Loop(_)) { 2 } else { 0 };
+        let n = navigation + parts.iter().map(crate::noise::States::len).sum::<usize>();
+        let m = self.channels;
+        let mut space = Space {
+            states: n,
+            channels: m,
+            transition: vec![0.0; n * n],
+            driven: vec![0.0; n * n],
+            start: vec![0.0; n * n],
+            seen: vec![0.0; m * n],
+            white: vec![0.0; m * m],
+            white_from: None,
+        };
+        if n > MOST_STATES {
+            return space;
+        }
+        if let Geometry::Loop(step) = &self.geometry {
+            for i in 0..2 {
+                for j in 0..2 {
+                    space.transition[i * n + j] = step.transition[i][j];
+                }
+                space.start[i * n + i] = step.start[i] * step.start[i];
+            }
+            space.seen[0] = 1.0;
+        }
+        let mut at = navigation;
+        for (place, (parts, &source)) in parts.iter().zip(&self.sources).enumerate() {
+            for group in &parts.groups {
+                for i in 0..group.size {
+                    for j in 0..group.size {
+                        space.transition[(at + i) * n + at + j] = group.transition[i][j];
+                    }
+                    space.driven[(at + i) * n + at + i] = group.driven[i];
+                    space.start[(at + i) * n + at + i] = group.start[i];
+                    match &self.geometry {
+                        Geometry::Parity(parity) => {
+                            for channel in 0..m {
+                                space.seen[channel * n + at + i] = parity[(channel, place)] * group.seen[i];
+                            }
+                        }
+                        Geometry::Loop(step) => {
+                            let port = [Port::Output, Port::Accelerometer, Port::Gyro][place.min(2)];
+                            if let Some(enters) = step.of_port(port) {
+                                // The mean over the step of what decays within it.
+                                let next: f64 =
+                                    (0..group.size).map(|k| group.seen[k] * group.transition[k][i]).sum();
+                                let mean = 0.5 * (group.seen[i] + next);
+                                space.transition[at + i] = enters[0] * mean;
+                                space.transition[n + at + i] = enters[1] * mean;
+                            } else {
+                                space.seen[at + i] = group.seen[i];
+                            }
+                        }
+                        Geometry::Direct => space.seen[at + i] = group.seen[i],
+                    }
+                }
+                at += group.size;
+            }
+            if let (Geometry::Loop(step), true) = (&self.geometry, place > 0) {
+                let port = if place == 1 { Port::Accelerometer } else { Port::Gyro };
+                let variance = noises[source].white * noises[source].white;
+                if let (Some(enters), true) = (step.of_port(port), variance > 0.0) {
+                    for i in 0..2 {
+                        for j in 0..2 {
+                            space.driven[i * n + j] += enters[i] * enters[j] * variance;
+                        }
+                    }
+                }
+            }
+        }
+        let white = |after: bool| {
+            let variance_of = |place: usize, source: usize| {
+                let noise = &noises[source];
+                let ratio = noise.step.filter(|_| after).map_or(1.0, |step| step.ratio);
+                let rounding = noise.white_variance() - noise.white * noise.white;
+                if matches!(self.geometry, Geometry::Loop(_)) && place > 0 {
+                    0.0
+                } else {
+                    (noise.white * ratio).powi(2) + rounding
+                }
+            };
+            let mut white = vec![0.0; m * m];
+            for (place, &source) in self.sources.iter().enumerate() {
+                let variance = variance_of(place, source);
+                for c in 0..m {
+                    for d in 0..m {
+                        let weight = match &self.geometry {
+                            Geometry::Parity(parity) => parity[(c, place)] * parity[(d, place)],
+                            _ => 1.0,
+                        };
+                        white[c * m + d] += weight * variance;
+                    }
+                }
+            }
+            white
+        };
+        space.white = white(false);
+        space.white_from =
+            self.sources.iter().find_map(|&source| noises[source].step).map(|step| (step.row, white(true)));
+        space
+    }
+
+    /// The filter with the given noises of all sources; `None` where they are singular or too many.
+    pub fn filter(&self, noises: &[Noise]) -> Option<Filter> {
+        self.filter_over(noises, &self.present)
+    }
+
+    /// The filter over other rows than those present.
+    pub fn filter_over(&self, noises: &[Noise], present: &[bool]) -> Option<Filter> {
+        let states: usize = self.sources.iter().map(|&source| noises[source].states(self.step_s).len()).sum();
+        if states + 2 > MOST_STATES {
+            return None;
+        }
+        Filter::new(&self.space(noises), present)
+    }
+
+    /// How a source enters the channels at `omega` rad a step.
+    pub fn transfer(&self, place: usize, omega: f64) -> Vec<Complex<f64>> {
+        match &self.geometry {
+            Geometry::Direct => vec![Complex::from(1.0)],
+            Geometry::Parity(parity) => (0..self.channels).map(|c| parity[(c, place)].into()).collect(),
+            Geometry::Loop(step) => {
+                let Some(enters) =
+                    step.of_port([Port::Output, Port::Accelerometer, Port::Gyro][place.min(2)])
+                else {
+                    return vec![Complex::from(1.0)];
+                };
+                let z = Complex::from_polar(1.0, omega);
+                let [[a, b], [c, d]] = step.transition;
+                let determinant = (z - a) * (z - d) - b * c;
+                vec![((z - d) * enters[0] + b * enters[1]) / determinant]
+            }
+        }
+    }
+
+    /// Place of the sensor whose error would look most like a vector of the channels.
+    pub fn nearest(&self, vector: &[f64]) -> usize {
+        let Geometry::Parity(parity) = &self.geometry else { return 0 };
+        let along = |place: usize| {
+            let column = parity.column(place);
+            let dot: f64 = column.iter().zip(vector).map(|(a, b)| a * b).sum();
+            dot.abs() / column.norm().max(1e-12)
+        };
+        (0..self.sensors.len()).max_by(|&a, &b| along(a).total_cmp(&along(b))).unwrap_or_default()
+    }
+
+    /// Step, s.
+    pub fn step_s(&self) -> f64 {
+        self.step_s
+    }
+
+    /// How strongly a source reaches the channels, 0…1.
+    pub fn weight(&self, place: usize) -> f64 {
+        match &self.geometry {
+            Geometry::Parity(parity) => parity.column(place).norm(),
+            _ => 1.0,
+        }
+    }
+}
+
+impl SchulerStep {
+    /// Velocity error that an input over the record causes from rest; between rows the input is taken as its mean.
+    fn response(&self, values: &[f64], enters: [f64; 2]) -> Vec<f64> {
+        let mut state = [0.0; 2];
+        let next = values.iter().skip(1).chain(values.last());
+        (values.iter().zip(next))
+            .map(|(now, next)| {
+                let before = state;
+                let mean = 0.5 * (now + next);
+                for i in 0..2 {
+                    state[i] = self.transition[i][0] * before[0]
+                        + self.transition[i][1] * before[1]
+                        + enters[i] * mean;
+                }
+                before[0]
+            })
+            .collect()
+    }
+
+    /// The transpose of [`response`](Self::response).
+    fn transposed_response(&self, scores: &[f64], enters: [f64; 2]) -> Vec<f64> {
+        let mut result = vec![0.0; scores.len()];
+        let mut costate = [0.0; 2];
+        for (row, score) in scores.iter().enumerate().rev() {
+            let through = 0.5 * (enters[0] * costate[0] + enters[1] * costate[1]);
+            result[row] += through;
+            if let Some(next) = result.get_mut(row + 1) {
+                *next += through;
+            } else {
+                result[row] += through;
+            }
+            let before = costate;
+            for i in 0..2 {
+                costate[i] = self.transition[0][i] * before[0] + self.transition[1][i] * before[1];
+            }
+            costate[0] += score;
+        }
+        result
+    }
+}

@@ -1,0 +1,255 @@
+//! The parameters of a finding with honest standard deviations.
+//!
+//! Amplitudes have the covariance of generalised least squares, widened by what the non-linear parameters leave open:
+//! Σ = Σ_GLS + J Σ_ψ Jᵀ with J the change of the amplitudes with the parameters ψ. Σ_ψ is the inverse curvature of the
+//! likelihood profiled over the amplitudes. Where that is no parabola (an onset, a plateau) the distance at which the
+//! profile has fallen by what three standard deviations mean counts, if it is larger.
+use nalgebra::{DMatrix, DVector};
+
+use crate::catalogue::{Candidate, OnsetShape, Search};
+use crate::description::{Term, nonlinear_names};
+use crate::explanation::Parameter;
+use crate::noise::Knob;
+use crate::noise_fit::{curvature, exact, logs_of, with_logs};
+use crate::select::Item;
+use crate::state::{Bench, Case, State};
+
+/// Fall of the log-likelihood at three standard deviations.
+const THREE_SIGMA_NATS: f64 = 4.5;
+/// Steps by which the search for that fall grows, and how often.
+const GROWTH: f64 = 1.6;
+const GROWTHS: usize = 40;
+/// Step of a derivative as a part of the distance at which the profile has fallen.
+const STEP: f64 = 0.3;
+/// Step of the derivatives in logarithms of noise parameters.
+const LOG_STEP: f64 = 0.03;
+
+/// The parameters of a term of `state`.
+pub fn of_term(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter> {
+    let term = &state.terms[place];
+    let candidate = &case.candidates[term.candidate];
+    let others: Vec<Term> = state
+        .terms
+        .iter()
+        .enumerate()
+        .filter(|(index, _)| *index != place)
+        .map(|(_, term)| term.clone())
+        .collect();
+    let bench = Bench::new(case, &others, &state.noises);
+    let at = |point: &[f64]| term.at(candidate, point, case.time_s);
+    let profile = |point: &[f64]| bench.with_term(&at(point));
+    let (gain, solution) = profile(&term.nonlinear);
+    let first = bench.solution.amplitudes.len();
+    let number = term.amplitudes();
+    let amplitudes = solution.amplitudes.rows(first, number).into_owned();
+    let mut covariance = solution.covariance.view((first, first), (number, number)).into_owned();
+    let size = term.nonlinear.len();
+    let mut widths = vec![0.0; size];
+    let mut of_nonlinear = DMatrix::zeros(size, size);
+    if size > 0 {
+        for axis in 0..size {
+            widths[axis] = width(candidate, case, &term.nonlinear, axis, |point| gain - profile(point).0);
+        }
+        // In units of the widths the profile is near a unit parabola.
+        let scaled = |by: &[f64]| -> Vec<f64> {
+            let range = |axis: usize| bounds(candidate, case, axis);
+            (term.nonlinear.iter().zip(&widths).zip(by).enumerate())
+                .map(|(axis, ((value, width), by))| {
+                    let (low, high) = range(axis);
+                    (value + width * by).clamp(low, high)
+                })
+                .collect()
+        };
+        let smooth = !matches!(candidate.search, Search::Onset(OnsetShape::Step));
+        let mut unit = DMatrix::identity(size, size);
+        if size > 1 && smooth {
+            let information = curvature(&vec![0.0; size], STEP, |by| -profile(&scaled(by)).0);
+            let eigen = information.symmetric_eigen();
+            let inverse = eigen.eigenvalues.map(|value| value.max(0.05).recip());
+            unit = &eigen.eigenvectors * DMatrix::from_diagonal(&inverse) * eigen.eigenvectors.transpose();
+            for axis in 0..size {
+                // A profile's own width is at least the joint one's along its axis.
+                unit[(axis, axis)] = unit[(axis, axis)].max(1.0);
+            }
+        }
+        of_nonlinear = DMatrix::from_fn(size, size, |i, j| unit[(i, j)] * widths[i] * widths[j]);
+        // A drift over the whole record has its onset where the record begins, not somewhere about it.
+        let whole = matches!(candidate.search, Search::Onset(OnsetShape::Ramp)) && term.nonlinear[0] == 0.0;
+        if number > 0 && smooth && !whole {
+            let mut jacobian = DMatrix::zeros(number, size);
+            for axis in 0..size {
+                let mut by = vec![0.0; size];
+                by[axis] = STEP;
+                let up = scaled(&by);
+                by[axis] = -STEP;
+                let down = scaled(&by);
+                let span = up[axis] - down[axis];
+                if span > 0.0 {
+                    let of = |point: &[f64]| profile(point).1.amplitudes.rows(first, number).into_owned();
+                    jacobian.set_column(axis, &((of(&up) - of(&down)) / span));
+                }
+            }
+            covariance += &jacobian * &of_nonlinear * jacobian.transpose();
+        }
+    }
+    let mut parameters = Vec::new();
+    for (index, amplitude) in candidate.amplitudes.iter().enumerate().take(number) {
+        let value = amplitudes[index] * amplitude.in_unit;
+        parameters.push(Parameter {
+            name: amplitude.name.clone(),
+            value: Some(value),
+            sigma: Some(covariance[(index, index)].max(0.0).sqrt() * amplitude.in_unit.abs()),
+            unit: Some(amplitude.unit.clone()),
+            text: None,
+            plausible: amplitude.plausible.map(|[low, high]| value.abs() >= low && value.abs() <= high),
+        });
+    }
+    for (axis, (name, unit)) in nonlinear_names(candidate).into_iter().enumerate() {
+        parameters.push(Parameter {
+            name: name.to_owned(),
+            value: Some(term.nonlinear[axis]),
+            sigma: Some(of_nonlinear[(axis, axis)].sqrt()),
+            unit: Some(unit.to_owned()),
+            text: None,
+            plausible: None,
+        });
+    }
+    parameters.extend(texts(candidate));
+    parameters
+}
+
+fn texts(candidate: &Candidate) -> impl Iterator<Item = Parameter> + '_ {
+    candidate.variant.iter().map(|(name, text)| Parameter {
+        name: (*name).to_owned(),
+        value: None,
+        sigma: None,
+        unit: None,
+        text: Some(text.clone()),
+        plausible: None,
+    })
+}
+
+/// Least and largest value of a non-linear parameter.
+fn bounds(candidate: &Candidate, case: &Case<'_>, axis: usize) -> (f64, f64) {
+    let length_s = case.time_s.last().copied().unwrap_or(1.0);
+    match &candidate.search {
+        Search::Grid { parameters, .. } => parameters.get(axis).map_or((0.0, 0.0), |parameter| {
+            let first = parameter.grid.first().copied().unwrap_or_default();
+            (first, parameter.grid.last().copied().unwrap_or(first))
+        }),
+        Search::Frequency => (0.0, 0.5 / case.model.step_s),
+        _ => (0.0, length_s),
+    }
+}
+
+/// Standard deviation of a parameter from where its profile has fallen by 4.5 nats, the wider side's.
+fn width(
+    candidate: &Candidate,
+    case: &Case<'_>,
+    at: &[f64],
+    axis: usize,
+    fall: impl Fn(&[f64]) -> f64,
+) -> f64 {
+    let (low, high) = bounds(candidate, case, axis);
+    let length_s = case.time_s.last().copied().unwrap_or(1.0).max(f64::MIN_POSITIVE);
+    let smallest = match &candidate.search {
+        Search::Onset(_) => case.model.step_s,
+        Search::Frequency => 1e-3 / length_s,
+        _ => 1e-3 * at[axis].abs().max(1e-3 * (high - low)),
+    };
+    let mut widest = 0.0_f64;
+    for side in [-1.0, 1.0] {
+        let mut distance = smallest;
+        let mut inside = 0.0_f64;
+        let room = if side > 0.0 { high - at[axis] } else { at[axis] - low };
+        for _ in 0..GROWTHS {
+            if distance >= room {
+                // The range ends before the profile has fallen.
+                inside = inside.max(room);
+                break;
+            }
+            let mut moved = at.to_vec();
+            moved[axis] += side * distance;
+            let fallen = fall(&moved);
+            if fallen >= THREE_SIGMA_NATS {
+                // Between the last two distances the fall grows as a square.
+                inside = inside.max(distance * (THREE_SIGMA_NATS / fallen).sqrt());
+                break;
+            }
+            inside = distance;
+            distance *= GROWTH;
+        }
+        widest = widest.max(inside);
+    }
+    (widest / 3.0).max(match candidate.search {
+        Search::Onset(_) => 0.5 * case.model.step_s,
+        _ => 0.0,
+    })
+}
+
+/// The parameters of a noise change of `state`, and the standard deviations of all free parameters of its block.
+pub fn of_change(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter> {
+    let change = &state.changes[place];
+    let source = &case.model.sources[change.source];
+    let candidate = &case.candidates[change.candidate];
+    let Some(index) = case.model.blocks.iter().position(|block| block.sources.contains(&change.source))
+    else {
+        return Vec::new();
+    };
+    let free = state.free_in(case.model, index);
+    let bench = Bench::new(case, &state.terms, &state.noises);
+    let logs = logs_of(&state.noises, &free);
+    let sigmas = bench.blocks[index].as_ref().map(|whitened| {
+        let cost = |logs: &[f64]| {
+            let noises = with_logs(&state.noises, &free, logs);
+            -exact(&case.model.blocks[index], &noises, &whitened.projected)
+        };
+        let information = curvature(&logs, LOG_STEP, cost);
+        let eigen = information.symmetric_eigen();
+        let inverse = eigen.eigenvalues.map(|value| value.max(0.1).recip());
+        let covariance =
+            &eigen.eigenvectors * DMatrix::from_diagonal(&inverse) * eigen.eigenvectors.transpose();
+        DVector::from_fn(free.len(), |i, _| covariance[(i, i)].max(0.0).sqrt())
+    });
+    let in_si = source.unit.in_si();
+    let mut parameters: Vec<Parameter> = Vec::new();
+    if let (true, Some(step)) = (change.knobs.contains(&Knob::StepRatio), state.noises[change.source].step) {
+        parameters.push(Parameter {
+            name: "onset_s".to_owned(),
+            value: case.time_s.get(step.row).copied(),
+            sigma: None,
+            unit: Some("s".to_owned()),
+            text: None,
+            plausible: None,
+        });
+    }
+    for &knob in &change.knobs {
+        let value = state.noises[change.source].get(knob);
+        let place = free.iter().position(|&other| other == (change.source, knob));
+        let relative = place.zip(sigmas.as_ref()).map(|(place, sigmas)| sigmas[place]);
+        let scale = if knob.in_sensor_unit() { in_si.recip() } else { 1.0 };
+        let unit = if knob.in_sensor_unit() {
+            format!("{}{}", source.unit.name(), knob.unit())
+        } else {
+            knob.unit().to_owned()
+        };
+        parameters.push(Parameter {
+            name: knob.name().0.to_owned(),
+            value: Some(value * scale),
+            sigma: relative.map(|relative| relative * value * scale),
+            unit: Some(unit),
+            text: None,
+            plausible: None,
+        });
+    }
+    parameters.extend(texts(candidate));
+    parameters
+}
+
+/// The parameters of an item.
+pub fn parameters(case: &Case<'_>, state: &State, item: Item) -> Vec<Parameter> {
+    match item {
+        Item::Term(place) => of_term(case, state, place),
+        Item::Change(place) => of_change(case, state, place),
+    }
+}

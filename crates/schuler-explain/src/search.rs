@@ -1,0 +1,375 @@
+//! One round of the search: what every candidate would gain beside what is already described.
+//!
+//! Candidates are compared by their evidence, −ln of the probability that the candidate gains so much where it is
+//! absent, over all the places (grid points, onsets, frequencies) where it was sought: the gain in nats less a penalty
+//! that grows with the number of its parameters and places, and not with the length of the record. Family-wise
+//! probabilities count all candidates of all sensors; each family of candidates has a share of the level.
+use rayon::prelude::*;
+
+use crate::catalogue::{Candidate, NoiseChange, OnsetShape, Search, Target};
+use crate::description::Term;
+use crate::library::{Library, NullDistribution};
+use crate::minimise::{golden, simplex};
+use crate::noise_change::{ChangeFit, View};
+use crate::nominal::Source;
+use crate::scan::{Scan, Scanner};
+use crate::spectrum::Spectrum;
+use crate::state::{Bench, State};
+use crate::statistics::ln_chi_squared_tail;
+
+/// Shares of the level: linear and grid candidates, onsets, frequencies, noise, readings.
+const SHARE_LINEAR: f64 = 0.6;
+const SHARE_ONSET: f64 = 0.2;
+const SHARE_FREQUENCY: f64 = 0.05;
+const SHARE_NOISE: f64 = 0.1;
+const SHARE_READINGS: f64 = 0.05;
+/// Deterministic candidates that are evaluated exactly.
+const SHORT_LIST: usize = 8;
+/// The same where many are about as good, and how many nats behind that is.
+const LONGEST_LIST: usize = 40;
+const CLOSE: f64 = 8.0;
+/// Evidence below which a candidate is not evaluated exactly.
+const LEAST_EVIDENCE: f64 = 1.0;
+/// How finely a parameter is refined, as a part of the distance between neighbours of the grid.
+const REFINED: f64 = 0.02;
+/// The same for what was accepted.
+const FINELY_REFINED: f64 = 1e-3;
+/// Half width of the refinement of an onset of a ramp, as a part of the record.
+const ONSET_WIDTH: f64 = 0.05;
+
+/// A deterministic candidate evaluated exactly.
+#[derive(Clone, Debug)]
+pub struct Proposal {
+    /// The term.
+    pub term: Term,
+    /// Gain in log-likelihood.
+    pub gain: f64,
+    /// Degrees of freedom.
+    pub freedom: usize,
+    /// ln of the number of places searched.
+    pub ln_places: f64,
+    /// −ln p.
+    pub evidence: f64,
+}
+
+/// Numbers of candidates and the null distribution, for family-wise probabilities.
+pub struct Family {
+    null: NullDistribution,
+    onsets: usize,
+    frequencies: usize,
+    noises: usize,
+    readings: usize,
+}
+
+/// Where and how much a candidate promises, before it is evaluated exactly.
+struct Promise {
+    candidate: usize,
+    starts: Vec<Vec<f64>>,
+    evidence: f64,
+    ln_places: f64,
+}
+
+/// −ln p of a gain.
+pub fn evidence(gain: f64, freedom: usize, ln_places: f64) -> f64 {
+    (-ln_chi_squared_tail(2.0 * gain, freedom) - ln_places).max(0.0)
+}
+
+impl Family {
+    /// Counts candidates and draws the null distribution of those that stand in `library`.
+    pub fn new(candidates: &[Candidate], library: &Library) -> Self {
+        let count =
+            |wanted: fn(&Search) -> bool| candidates.iter().filter(|c| wanted(&c.search)).count().max(1);
+        Self {
+            null: library.null_distribution(candidates.len()),
+            onsets: count(|search| matches!(search, Search::Onset(_))),
+            frequencies: count(|search| matches!(search, Search::Frequency)),
+            noises: count(|search| matches!(search, Search::Noise(_))),
+            readings: count(|search| matches!(search, Search::Readings(_))),
+        }
+    }
+
+    /// ln of the effective number of grid points of a candidate.
+    pub fn ln_places(&self, candidate: usize) -> f64 {
+        self.null.ln_places.get(candidate).copied().unwrap_or_default()
+    }
+
+    /// ln of the probability that anything shows this evidence where nothing is hidden.
+    pub fn ln_p(&self, candidate: &Candidate, evidence: f64) -> f64 {
+        let several = |number: usize, share: f64| (number as f64 / share).ln() - evidence;
+        let ln_p = match candidate.search {
+            Search::Linear(_) | Search::Grid { .. } => self.null.ln_tail(evidence) - SHARE_LINEAR.ln(),
+            Search::Onset(_) => several(self.onsets, SHARE_ONSET),
+            Search::Frequency => several(self.frequencies, SHARE_FREQUENCY),
+            Search::Noise(_) => several(self.noises, SHARE_NOISE),
+            Search::Readings(_) => several(self.readings, SHARE_READINGS),
+        };
+        ln_p.min(0.0)
+    }
+}
+
+/// The library of all candidates under a bench.
+pub fn library(bench: &Bench<'_>, correlations: bool, wanted: &(dyn Fn(usize) -> bool + Sync)) -> Library {
+    let data: Vec<Option<Vec<f64>>> =
+        bench.blocks.iter().map(|block| block.as_ref().map(|block| block.columns[0].clone())).collect();
+    let (model, candidates) = (bench.case.model, bench.case.candidates);
+    Library::new(model, &bench.filters, &data, candidates, &bench.terms, correlations, wanted)
+}
+
+/// The best deterministic candidates under a bench, evaluated exactly, best first; `wanted` says which take part.
+pub fn deterministic(
+    bench: &Bench<'_>,
+    library: &Library,
+    family: &Family,
+    wanted: &(dyn Fn(usize) -> bool + Sync),
+) -> Vec<Proposal> {
+    let mut promises = promises_of_library(library, family);
+    promises.extend(promises_of_scans(bench, wanted));
+    promises.retain(|promise| promise.evidence > LEAST_EVIDENCE);
+    promises.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+    let best = promises.first().map_or(0.0, |promise| promise.evidence);
+    let close = promises.partition_point(|promise| promise.evidence > best - CLOSE);
+    promises.truncate(close.clamp(SHORT_LIST, LONGEST_LIST));
+    let mut proposals: Vec<Proposal> =
+        promises.par_iter().filter_map(|promise| bench.refine(promise, REFINED)).collect();
+    proposals.extend(crate::readings::jumps(bench, wanted));
+    proposals.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+    // A candidate with several promises stands by its best.
+    let mut seen = std::collections::HashSet::new();
+    proposals.retain(|proposal| seen.insert(proposal.term.candidate));
+    proposals
+}
+
+fn promises_of_library(library: &Library, family: &Family) -> Vec<Promise> {
+    let gains = library.gains();
+    let mut promises: Vec<Promise> = Vec::new();
+    for (entry, gain) in library.entries.iter().zip(&gains) {
+        let ln_places = family.ln_places(entry.candidate);
+        let found = Promise {
+            candidate: entry.candidate,
+            starts: vec![entry.point.clone()],
+            evidence: evidence(gain.gain, gain.freedom, ln_places),
+            ln_places,
+        };
+        match promises.last_mut() {
+            Some(last) if last.candidate == entry.candidate => {
+                if found.evidence > last.evidence {
+                    *last = found;
+                }
+            }
+            _ => promises.push(found),
+        }
+    }
+    promises
+}
+
+fn promises_of_scans(bench: &Bench<'_>, wanted: &(dyn Fn(usize) -> bool + Sync)) -> Vec<Promise> {
+    let model = bench.case.model;
+    (0..model.blocks.len())
+        .into_par_iter()
+        .flat_map_iter(|index| {
+            let mut promises = Vec::new();
+            let (Some(whitened), Some(filter)) = (&bench.blocks[index], &bench.filters.of_block[index])
+            else {
+                return promises;
+            };
+            let scanner = Scanner::new(
+                &model.blocks[index],
+                filter,
+                &whitened.remainder,
+                whitened.columns.get(1..).unwrap_or_default(),
+            );
+            for (place, candidate) in bench.case.candidates.iter().enumerate() {
+                let Target::Sensor(sensor) = candidate.target else { continue };
+                if !model.blocks[index].sensors.contains(&sensor) || !wanted(place) {
+                    continue;
+                }
+                let scan = match candidate.search {
+                    Search::Onset(shape) => scanner.onsets(sensor, candidate.port, shape, bench.case.time_s),
+                    Search::Frequency => scanner.frequencies(sensor, candidate.port, &bench.noises),
+                    _ => None,
+                };
+                let Some(Scan { peaks, mut ln_places }) = scan else { continue };
+                let freedom = candidate.amplitudes.len().max(1);
+                if matches!(candidate.search, Search::Onset(OnsetShape::Ramp)) {
+                    // A drift over the whole record is one place of its own; it pays for itself and not for the scan.
+                    ln_places += std::f64::consts::LN_2;
+                    let term = Term::new(place, candidate, &[0.0], bench.case.time_s);
+                    let gain = bench.gain_of(&term).0;
+                    promises.push(Promise {
+                        candidate: place,
+                        starts: vec![vec![0.0]],
+                        evidence: evidence(gain, freedom, std::f64::consts::LN_2),
+                        ln_places: std::f64::consts::LN_2,
+                    });
+                }
+                let gain = peaks.first().map_or(0.0, |peak| peak.gain);
+                promises.push(Promise {
+                    candidate: place,
+                    starts: peaks.iter().map(|peak| vec![peak.at]).collect(),
+                    evidence: evidence(gain, freedom, ln_places),
+                    ln_places,
+                });
+            }
+            promises
+        })
+        .collect()
+}
+
+impl Bench<'_> {
+    /// A term with its non-linear parameters refined from where they are, and its gain.
+    pub fn refined(&self, term: &Term) -> (Term, f64) {
+        let promise = Promise {
+            candidate: term.candidate,
+            starts: vec![term.nonlinear.clone()],
+            evidence: 0.0,
+            ln_places: 0.0,
+        };
+        self.refine(&promise, FINELY_REFINED)
+            .map_or_else(|| (term.clone(), 0.0), |proposal| (proposal.term, proposal.gain))
+    }
+
+    /// Evaluates a promise exactly and refines its parameters.
+    fn refine(&self, promise: &Promise, refined: f64) -> Option<Proposal> {
+        let candidate = &self.case.candidates[promise.candidate];
+        let term_at = |point: &[f64]| Term::new(promise.candidate, candidate, point, self.case.time_s);
+        let gain_at = |point: &[f64]| self.gain_of(&term_at(point)).0;
+        let mut best: Option<(Vec<f64>, f64)> = None;
+        for start in &promise.starts {
+            let (point, gain) = match &candidate.search {
+                Search::Grid { parameters, .. } => {
+                    let neighbours: Vec<(f64, f64)> = (parameters.iter().zip(start))
+                        .map(|(parameter, &value)| neighbours(&parameter.grid, value))
+                        .collect();
+                    refine_inside(start, &neighbours, gain_at, refined)
+                }
+                Search::Frequency => {
+                    let length_s = self.case.time_s.last().copied().unwrap_or(1.0).max(f64::MIN_POSITIVE);
+                    let half = 0.6 / length_s;
+                    refine_inside(start, &[(start[0] - half, start[0] + half)], gain_at, refined)
+                }
+                Search::Onset(OnsetShape::Ramp) if start.first().is_some_and(|&onset| onset > 0.0) => {
+                    let length_s = self.case.time_s.last().copied().unwrap_or(1.0);
+                    let half = ONSET_WIDTH * length_s;
+                    let range = ((start[0] - half).max(0.0), (start[0] + half).min(0.99 * length_s));
+                    refine_inside(start, &[range], gain_at, refined)
+                }
+                _ => (start.clone(), gain_at(start)),
+            };
+            if best.as_ref().is_none_or(|best| gain > best.1) {
+                best = Some((point, gain));
+            }
+        }
+        let (point, gain) = best?;
+        let term = term_at(&point);
+        let (_, freedom) = self.gain_of(&term);
+        let evidence = evidence(gain, freedom, promise.ln_places);
+        Some(Proposal { term, gain, freedom, ln_places: promise.ln_places, evidence })
+    }
+
+    /// What a change of the noise of each source would gain, best first.
+    pub fn noise_changes(&self, state: &State) -> Vec<(usize, ChangeFit)> {
+        let model = self.case.model;
+        let spectra: Vec<_> =
+            (0..model.blocks.len()).into_par_iter().map(|index| self.spectrum(index)).collect();
+        let mut found: Vec<(usize, ChangeFit)> = (self.case.candidates.par_iter().enumerate())
+            .filter_map(|(place, candidate)| {
+                let Search::Noise(change) = candidate.search else { return None };
+                let Target::Sensor(sensor) = candidate.target else { return None };
+                let source = model.source_of(sensor, candidate.port)?;
+                // The noise of a source of which the user says nothing is no finding.
+                if model.sources[source].unknown
+                    || state
+                        .changes
+                        .iter()
+                        .any(|accepted| accepted.source == source && accepted.change == change)
+                {
+                    return None;
+                }
+                let index = model.blocks.iter().position(|block| block.sources.contains(&source))?;
+                let view = self.view(index, spectra[index].as_ref()?)?;
+                Some((place, view.fit(source, &model.sources[source], change)?))
+            })
+            .collect();
+        found.sort_by(|a, b| a.1.ln_p.total_cmp(&b.1.ln_p));
+        found
+    }
+
+    /// The best fit of one change of the noise of a source.
+    pub fn fit_change(&self, source: usize, origin: &Source, change: NoiseChange) -> Option<ChangeFit> {
+        let index = self.case.model.blocks.iter().position(|block| block.sources.contains(&source))?;
+        let spectrum = self.spectrum(index)?;
+        self.view(index, &spectrum)?.fit(source, origin, change)
+    }
+
+    fn view<'v>(&'v self, index: usize, spectrum: &'v Spectrum) -> Option<View<'v>> {
+        let whitened = self.blocks[index].as_ref()?;
+        Some(View {
+            block: &self.case.model.blocks[index],
+            projected: &whitened.projected,
+            noises: &self.noises,
+            filter: self.filters.of_block[index].as_ref()?,
+            whitened: &whitened.remainder,
+            spectrum,
+            log_likelihood: whitened.log_likelihood,
+        })
+    }
+}
+
+/// The neighbours of a point of a grid.
+fn neighbours(grid: &[f64], value: f64) -> (f64, f64) {
+    let at = grid.partition_point(|&point| point < value);
+    let low = grid.get(at.saturating_sub(1)).copied().unwrap_or(value);
+    let high = grid.get(at + 1).or(grid.last()).copied().unwrap_or(value);
+    (low.min(value), high.max(value))
+}
+
+/// The point with the largest gain between neighbours; logarithmic where they are positive and far apart.
+pub fn refine_inside(
+    start: &[f64],
+    ranges: &[(f64, f64)],
+    gain_at: impl Fn(&[f64]) -> f64,
+    refined: f64,
+) -> (Vec<f64>, f64) {
+    let logarithmic = |range: &(f64, f64)| range.0 > 0.0 && range.1 > 1.2 * range.0;
+    let forward = |range: &(f64, f64), value: f64| if logarithmic(range) { value.ln() } else { value };
+    let back = |range: &(f64, f64), value: f64| {
+        (if logarithmic(range) { value.exp() } else { value }).clamp(range.0, range.1)
+    };
+    let here = (start.to_vec(), gain_at(start));
+    let (point, gain) = match ranges {
+        [] => return here,
+        [range] => {
+            let (low, high) = (forward(range, range.0), forward(range, range.1));
+            if high <= low {
+                return here;
+            }
+            let cost = |value: f64| -gain_at(&[back(range, value)]);
+            let (value, cost) = golden(low, high, refined * (high - low), cost);
+            (vec![back(range, value)], -cost)
+        }
+        _ => {
+            let from: Vec<f64> =
+                ranges.iter().zip(start).map(|(range, &value)| forward(range, value)).collect();
+            let sides: Vec<f64> = (ranges.iter())
+                .map(|range| 0.25 * (forward(range, range.1) - forward(range, range.0)))
+                .collect();
+            let at = |values: &[f64]| -> Vec<f64> {
+                ranges.iter().zip(values).map(|(range, &value)| back(range, value)).collect()
+            };
+            let outside = |values: &[f64]| -> f64 {
+                (ranges.iter().zip(values).zip(&sides))
+                    .map(|((range, &value), side)| {
+                        let (low, high) = (forward(range, range.0), forward(range, range.1));
+                        ((low - value).max(value - high).max(0.0) / side.max(1e-300)).powi(2)
+                    })
+                    .sum()
+            };
+            let cost = |values: &[f64]| 10.0 * outside(values) - gain_at(&at(values));
+            let (values, _) = simplex(&from, &sides, 1e-3, 60 * ranges.len() as u64, cost);
+            let point = at(&values);
+            let gain = gain_at(&point);
+            (point, gain)
+        }
+    };
+    if gain > here.1 { (point, gain) } else { here }
+}

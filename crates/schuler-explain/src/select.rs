@@ -1,0 +1,394 @@
+//! Which terms and noise changes stay: forward selection with backward pruning.
+//!
+//! A round compares three ways on: the best deterministic term under the present noises, the best change of noise
+//! alone, and both together. The nominal noise may have swallowed an effect, and an effect that was left out looks like
+//! noise of another structure, so that each is judged beside the other: of the three the one with the most evidence is
+//! taken, and what enters must be significant, family-wise, beside everything that is there. What is no longer
+//! significant after something else entered leaves again.
+use rayon::prelude::*;
+
+use crate::catalogue::{NoiseChange, Target};
+use crate::description::{Term, blocks_of};
+use crate::library::Library;
+use crate::noise_change::ChangeFit;
+use crate::nominal::Model;
+use crate::search::{Family, Proposal, deterministic, evidence, library};
+use crate::state::{Accepted, Bench, Case, State, refitted};
+use crate::statistics::ln_chi_squared_tail;
+
+/// Most findings.
+const MOST_FINDINGS: usize = 6;
+/// Most deterministic terms.
+const MOST_TERMS: usize = 4;
+/// Rounds, those that take something back included.
+const MOST_ROUNDS: usize = 10;
+/// Evidence of a noise change from which on terms are sought beside it.
+const NOISE_WORTH_TRYING: f64 = 6.0;
+/// Terms that are tried together with a noise change.
+const TRIED_TOGETHER: usize = 3;
+/// Proposals that are judged with the free noise parameters refitted.
+const JUDGED_BESIDE_FREE_NOISE: usize = 6;
+/// Most parts of a noise of which the user says nothing.
+const MOST_UNKNOWN_PARTS: usize = 2;
+
+/// A finding: a term or a noise change by its place in the state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Item {
+    /// Place in [`State::terms`].
+    Term(usize),
+    /// Place in [`State::changes`].
+    Change(usize),
+}
+
+/// What an item shows beside all others.
+#[derive(Clone, Copy, Debug)]
+pub struct Shown {
+    /// Gain in log-likelihood, nats.
+    pub gain: f64,
+    /// −ln p over the places searched.
+    pub evidence: f64,
+    /// ln of the family-wise probability.
+    pub ln_p: f64,
+}
+
+/// What was selected.
+pub struct Selection<'c> {
+    /// The description.
+    pub state: State,
+    /// It, whitened.
+    pub bench: Bench<'c>,
+    /// For family-wise probabilities.
+    pub family: Family,
+    /// What each item shows.
+    pub shown: Vec<(Item, Shown)>,
+    /// Nothing but constants and nuisances.
+    pub null: State,
+}
+
+/// ln of the places searched and degrees of freedom by which an accepted term is judged.
+#[derive(Clone, Copy, Debug)]
+pub struct Price {
+    /// Degrees of freedom.
+    pub freedom: usize,
+    /// ln of the number of places.
+    pub ln_places: f64,
+}
+
+/// Way on.
+enum Move {
+    Term(Box<Proposal>),
+    Noise(usize, Box<ChangeFit>),
+    Both(Box<Proposal>, usize, Box<ChangeFit>),
+}
+
+/// Selects from `start`, at the family-wise `level`.
+pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c> {
+    let start = unknown_structure(case, start.clone());
+    let (mut state, mut bench) = refitted(case, &start, None);
+    let null = state.clone();
+    let all = |_: usize| true;
+    let whole = library(&bench, true, &all);
+    let family = Family::new(case.candidates, &whole);
+    let mut first: Option<Library> = Some(whole);
+    let ln_level = level.ln();
+    let mut prices: Vec<Price> = Vec::new();
+    // Proposals of blocks that the last round left as they were still hold.
+    let mut proposals: Vec<Proposal> = Vec::new();
+    let mut stale: Vec<usize> = (0..case.model.blocks.len()).collect();
+    for _ in 0..MOST_ROUNDS {
+        if state.terms.len() + state.changes.len() >= MOST_FINDINGS {
+            break;
+        }
+        let touched = |candidate: usize| touches(case, candidate, &stale);
+        proposals.retain(|proposal| !touched(proposal.term.candidate));
+        let library = first.take().unwrap_or_else(|| library(&bench, false, &touched));
+        if state.terms.len() < MOST_TERMS {
+            proposals.extend(deterministic(&bench, &library, &family, &touched));
+        } else {
+            proposals.clear();
+        }
+        drop(library);
+        judge_beside_free_noise(case, &state, &bench, &mut proposals);
+        proposals.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+        let noises = bench.noise_changes(&state);
+        let Some(chosen) = choose(case, &state, &bench, &family, &proposals, &noises, ln_level) else {
+            break;
+        };
+        let (mut next, mut next_prices) = (state.clone(), prices.clone());
+        match chosen {
+            Move::Term(proposal) => add_term(&mut next, &mut next_prices, *proposal),
+            Move::Noise(candidate, fit) => add_change(&mut next, candidate, *fit),
+            Move::Both(proposal, candidate, fit) => {
+                add_change(&mut next, candidate, *fit);
+                add_term(&mut next, &mut next_prices, *proposal);
+            }
+        }
+        let (next, _) = refitted(case, &next, None);
+        let (next, next_bench, next_prices) = pruned(case, next, next_prices, &family, ln_level);
+        if same(&next, &state) {
+            break;
+        }
+        stale = changed_blocks(case.model, &state, &next);
+        (state, bench, prices) = (next, next_bench, next_prices);
+    }
+    let shown = shown(case, &state, &prices, &family);
+    Selection { state, bench, family, shown, null }
+}
+
+/// Where noise parameters are free, the best proposals are judged with them refitted: fixed at values that have
+/// swallowed an effect they would hide it.
+fn judge_beside_free_noise(case: &Case<'_>, state: &State, bench: &Bench<'_>, proposals: &mut [Proposal]) {
+    proposals.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+    let judged: Vec<Option<f64>> = (proposals.par_iter().take(JUDGED_BESIDE_FREE_NOISE))
+        .map(|proposal| {
+            let blocks = blocks_of(case.model, std::slice::from_ref(&proposal.term));
+            if blocks.iter().all(|&block| state.free_in(case.model, block).is_empty()) {
+                return None;
+            }
+            let mut with = state.clone();
+            with.terms.push(proposal.term.clone());
+            let (with, _) = refitted(case, &with, Some(&blocks));
+            Some(with.log_likelihood - bench.log_likelihood)
+        })
+        .collect();
+    for (proposal, gain) in proposals.iter_mut().zip(judged) {
+        if let Some(gain) = gain {
+            proposal.gain = gain;
+            proposal.evidence = evidence(gain, proposal.freedom, proposal.ln_places);
+        }
+    }
+}
+
+/// Noise parts for sources of which the user says nothing: what Schwarz's criterion asks for, as nuisances.
+fn unknown_structure(case: &Case<'_>, mut state: State) -> State {
+    let changes = [NoiseChange::Markov, NoiseChange::ExponentialCosine, NoiseChange::RandomWalk];
+    for _ in 0..MOST_UNKNOWN_PARTS {
+        let (fitted, bench) = refitted(case, &state, None);
+        state = fitted;
+        let mut added = false;
+        for (source, origin) in case.model.sources.iter().enumerate().filter(|(_, origin)| origin.unknown) {
+            let best = changes.iter().filter_map(|&change| bench.fit_change(source, origin, change)).max_by(
+                |a, b| {
+                    let score = |fit: &ChangeFit| {
+                        fit.gain - 0.5 * fit.knobs.len() as f64 * (case.model.rows as f64).ln()
+                    };
+                    score(a).total_cmp(&score(b))
+                },
+            );
+            if let Some(fit) = best
+                && fit.gain > 0.5 * fit.knobs.len() as f64 * (case.model.rows as f64).ln()
+            {
+                state.noises[source] = fit.noises[source].clone();
+                for knob in fit.knobs {
+                    if !state.nuisances.contains(&(source, knob)) {
+                        state.nuisances.push((source, knob));
+                    }
+                }
+                added = true;
+            }
+        }
+        if !added {
+            break;
+        }
+    }
+    state
+}
+
+/// Whether a candidate reaches one of `blocks`.
+pub fn touches(case: &Case<'_>, candidate: usize, blocks: &[usize]) -> bool {
+    let reaches = |sensor: &usize| case.model.block_of(*sensor).is_some_and(|block| blocks.contains(&block));
+    match &case.candidates[candidate].target {
+        Target::Sensor(sensor) => reaches(sensor),
+        Target::Group { sensors, .. } => sensors.iter().any(reaches),
+    }
+}
+
+fn add_term(state: &mut State, prices: &mut Vec<Price>, proposal: Proposal) {
+    prices.push(Price { freedom: proposal.freedom, ln_places: proposal.ln_places });
+    state.terms.push(proposal.term);
+}
+
+fn add_change(state: &mut State, candidate: usize, fit: ChangeFit) {
+    state.noises[fit.source] = fit.noises[fit.source].clone();
+    state.changes.push(Accepted {
+        candidate,
+        source: fit.source,
+        change: fit.change,
+        knobs: fit.knobs,
+        freedom: fit.freedom,
+        ln_places: fit.ln_places,
+    });
+}
+
+fn same(a: &State, b: &State) -> bool {
+    let terms = |state: &State| state.terms.iter().map(|term| term.candidate).collect::<Vec<_>>();
+    let changes = |state: &State| state.changes.iter().map(|change| change.candidate).collect::<Vec<_>>();
+    terms(a) == terms(b) && changes(a) == changes(b)
+}
+
+/// The blocks whose description differs.
+fn changed_blocks(model: &Model, a: &State, b: &State) -> Vec<usize> {
+    let differing: Vec<Term> =
+        (a.terms.iter().filter(|term| b.terms.iter().all(|t| t.candidate != term.candidate)))
+            .chain(b.terms.iter().filter(|term| a.terms.iter().all(|t| t.candidate != term.candidate)))
+            .cloned()
+            .collect();
+    let mut blocks = blocks_of(model, &differing);
+    for (index, block) in model.blocks.iter().enumerate() {
+        if block.sources.iter().any(|&source| a.noises[source] != b.noises[source]) {
+            blocks.push(index);
+        }
+    }
+    // A term over several blocks ties their amplitudes together.
+    for terms in [&a.terms, &b.terms] {
+        for term in terms {
+            let own = blocks_of(model, std::slice::from_ref(term));
+            if own.len() > 1 && own.iter().any(|block| blocks.contains(block)) {
+                blocks.extend(own);
+            }
+        }
+    }
+    blocks.sort_unstable();
+    blocks.dedup();
+    blocks
+}
+
+/// The way on with the most evidence, if it is significant.
+fn choose(
+    case: &Case<'_>,
+    state: &State,
+    bench: &Bench<'_>,
+    family: &Family,
+    proposals: &[Proposal],
+    noises: &[(usize, ChangeFit)],
+    ln_level: f64,
+) -> Option<Move> {
+    let ln_p_of =
+        |proposal: &Proposal, evidence| family.ln_p(&case.candidates[proposal.term.candidate], evidence);
+    let mut best: Option<(f64, Move)> = None;
+    let mut consider = |score: f64, way: Move| {
+        if best.as_ref().is_none_or(|best| score > best.0) {
+            best = Some((score, way));
+        }
+    };
+    if let Some(proposal) = proposals.first()
+        && ln_p_of(proposal, proposal.evidence) <= ln_level
+    {
+        consider(proposal.evidence, Move::Term(Box::new(proposal.clone())));
+    }
+    if let Some((candidate, fit)) = noises.first()
+        && family.ln_p(&case.candidates[*candidate], -fit.ln_p) <= ln_level
+    {
+        consider(-fit.ln_p, Move::Noise(*candidate, Box::new(fit.clone())));
+    }
+    // Both: per block, terms beside the best change of its noise.
+    for (index, block) in case.model.blocks.iter().enumerate() {
+        let own = noises.iter().find(|(_, fit)| block.sources.contains(&fit.source));
+        let Some((candidate, fit)) = own.filter(|(_, fit)| -fit.ln_p > NOISE_WORTH_TRYING) else { continue };
+        let mut noisy = state.clone();
+        add_change(&mut noisy, *candidate, fit.clone());
+        let (noisy, noisy_bench) = refitted(case, &noisy, Some(&[index]));
+        let touched = |candidate: usize| touches(case, candidate, &[index]);
+        let beside = deterministic(&noisy_bench, &library(&noisy_bench, false, &touched), family, &touched);
+        let under_nominal = proposals.iter().filter(|proposal| touched(proposal.term.candidate));
+        let mut tried: Vec<&Proposal> = Vec::new();
+        for proposal in beside.iter().take(TRIED_TOGETHER).chain(under_nominal.take(TRIED_TOGETHER)) {
+            if tried.iter().all(|other| other.term.candidate != proposal.term.candidate) {
+                tried.push(proposal);
+            }
+        }
+        for proposal in tried {
+            let mut both = noisy.clone();
+            both.terms.push(proposal.term.clone());
+            let (both, _) = refitted(case, &both, Some(&[index]));
+            let alone = bench.gain_of(&proposal.term).0;
+            let joint = both.log_likelihood - bench.log_likelihood;
+            let of_term = both.log_likelihood - noisy.log_likelihood;
+            let of_noise = joint - alone;
+            let term_evidence = evidence(of_term, proposal.freedom, proposal.ln_places);
+            let noise_evidence = (-ln_chi_squared_tail(2.0 * of_noise, fit.freedom) - fit.ln_places).max(0.0);
+            let significant = ln_p_of(proposal, term_evidence) <= ln_level
+                && family.ln_p(&case.candidates[*candidate], noise_evidence) <= ln_level;
+            if significant {
+                let score = joint - (of_term - term_evidence) - (of_noise - noise_evidence);
+                let mut fit = fit.clone();
+                fit.noises.clone_from(&both.noises);
+                consider(score, Move::Both(Box::new(proposal.clone()), *candidate, Box::new(fit)));
+            }
+        }
+    }
+    best.map(|(_, way)| way)
+}
+
+/// The state without an item, refitted.
+pub fn without<'c>(case: &'c Case<'c>, state: &State, item: Item) -> (State, Bench<'c>) {
+    let mut less = state.clone();
+    match item {
+        Item::Term(place) => {
+            less.terms.remove(place);
+        }
+        Item::Change(place) => {
+            let change = less.changes.remove(place);
+            let own = &mut less.noises[change.source];
+            let mut reset = case.model.sources[change.source].nominal.clone();
+            // Other changes of the same source stay as far as they are of other parts.
+            for other in less.changes.iter().filter(|other| other.source == change.source) {
+                reset.adopt(own, &other.knobs);
+            }
+            *own = reset;
+            let source = change.source;
+            for other in less.changes.iter_mut().filter(|other| other.source == source) {
+                let noise = &less.noises[source];
+                other.knobs.retain(|&knob| noise.get(knob) > 0.0);
+            }
+        }
+    }
+    refitted(case, &less, None)
+}
+
+/// The state without items that are no longer significant.
+fn pruned<'c>(
+    case: &'c Case<'c>,
+    mut state: State,
+    mut prices: Vec<Price>,
+    family: &Family,
+    ln_level: f64,
+) -> (State, Bench<'c>, Vec<Price>) {
+    loop {
+        let shown = shown(case, &state, &prices, family);
+        let weakest = shown.iter().max_by(|a, b| a.1.ln_p.total_cmp(&b.1.ln_p));
+        match weakest {
+            Some((item, shown)) if shown.ln_p > ln_level => {
+                if let Item::Term(place) = item {
+                    prices.remove(*place);
+                }
+                state = without(case, &state, *item).0;
+            }
+            _ => {
+                let bench = Bench::new(case, &state.terms, &state.noises);
+                return (state, bench, prices);
+            }
+        }
+    }
+}
+
+/// What each item shows beside all others.
+fn shown(case: &Case<'_>, state: &State, prices: &[Price], family: &Family) -> Vec<(Item, Shown)> {
+    let terms = (0..state.terms.len()).map(Item::Term);
+    let items = terms.chain((0..state.changes.len()).map(Item::Change));
+    items
+        .map(|item| {
+            let (less, _) = without(case, state, item);
+            let gain = state.log_likelihood - less.log_likelihood;
+            let (candidate, price) = match item {
+                Item::Term(place) => (state.terms[place].candidate, prices[place]),
+                Item::Change(place) => {
+                    let change = &state.changes[place];
+                    (change.candidate, Price { freedom: change.freedom, ln_places: change.ln_places })
+                }
+            };
+            let evidence = evidence(gain, price.freedom, price.ln_places);
+            (item, Shown { gain, evidence, ln_p: family.ln_p(&case.candidates[candidate], evidence) })
+        })
+        .collect()
+}

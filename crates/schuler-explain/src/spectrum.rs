@@ -1,0 +1,162 @@
+//! The spectrum of a block's residuals from their whitened innovations, and Whittle's likelihood of noises.
+//!
+//! The periodogram is taken of innovations, which are nearly white, so that nothing leaks from strong frequencies into
+//! weak ones, and is then turned back through the filter's settled transfer function. Averaged over bands of a few per
+//! cent it makes a likelihood of a few hundred terms, whatever the length of the record.
+use nalgebra::{Complex, DMatrix, DVector};
+use realfft::RealFftPlanner;
+
+use crate::noise::Noise;
+use crate::nominal::Block;
+use crate::whiten::{Filter, Space};
+
+/// Width of a band as a part of its frequency.
+const BAND: f64 = 0.04;
+
+/// Spectrum in bands.
+pub struct Spectrum {
+    bands: Vec<Band>,
+}
+
+struct Band {
+    /// Middle, rad a step.
+    omega: f64,
+    /// Number of independent frequencies.
+    weight: f64,
+    /// Estimate of the channels' spectrum.
+    estimate: DMatrix<Complex<f64>>,
+    /// Power of the whitened innovations over what it should be.
+    pub excess: f64,
+    /// How each source enters.
+    transfer: Vec<Vec<Complex<f64>>>,
+}
+
+impl Spectrum {
+    /// The spectrum of `block` from its `whitened` innovations under `noises`.
+    pub fn new(block: &Block, filter: &Filter, noises: &[Noise], whitened: &[f64]) -> Self {
+        let (rows, channels) = (block.rows(), block.channels);
+        let length = rows.next_power_of_two();
+        let forward = RealFftPlanner::<f64>::new().plan_fft_forward(length);
+        let mut transforms = Vec::with_capacity(channels);
+        for channel in 0..channels {
+            let mut padded = vec![0.0; length];
+            padded[..rows].copy_from_slice(&whitened[channel * rows..(channel + 1) * rows]);
+            let mut transform = forward.make_output_vec();
+            if forward.process(&mut padded, &mut transform).is_err() {
+                return Self { bands: Vec::new() };
+            }
+            transforms.push(transform);
+        }
+        let present = block.count().max(1) as f64;
+        let independent = rows as f64 / length as f64;
+        let space = block.space(noises);
+        let half = length / 2;
+        let mut bands = Vec::new();
+        let mut first = 1;
+        while first < half {
+            let last = (first + (BAND * first as f64) as usize).min(half - 1);
+            let number = (last - first + 1) as f64;
+            let omega = std::f64::consts::PI * 0.5 * (first + last) as f64 / half as f64;
+            let power = DMatrix::from_fn(channels, channels, |c, d| {
+                let sum: Complex<f64> =
+                    (first..=last).map(|bin| transforms[c][bin] * transforms[d][bin].conj()).sum();
+                sum / (number * present)
+            });
+            let excess = power.trace().re / channels as f64;
+            if let Some(back) = unwhitening(&space, filter, omega) {
+                let estimate = &back * power * back.adjoint();
+                let transfer = (0..block.sources.len()).map(|place| block.transfer(place, omega)).collect();
+                bands.push(Band { omega, weight: number * independent, estimate, excess, transfer });
+            }
+            first = last + 1;
+        }
+        Self { bands }
+    }
+
+    /// Whittle's log-likelihood of `noises`, up to a constant.
+    pub fn log_likelihood(&self, block: &Block, noises: &[Noise]) -> f64 {
+        let step_s = block.step_s();
+        let mut sum = 0.0;
+        for band in &self.bands {
+            if block.channels == 1 {
+                let model: f64 = (block.sources.iter().zip(&band.transfer))
+                    .map(|(&source, transfer)| {
+                        transfer[0].norm_sqr() * noises[source].spectrum(band.omega, step_s)
+                    })
+                    .sum();
+                sum -= band.weight * (model.ln() + band.estimate[(0, 0)].re / model);
+            } else if block.channels == 2 {
+                let (mut a, mut d, mut b) = (0.0, 0.0, Complex::from(0.0));
+                for (&source, transfer) in block.sources.iter().zip(&band.transfer) {
+                    let power = noises[source].spectrum(band.omega, step_s);
+                    a += power * transfer[0].norm_sqr();
+                    d += power * transfer[1].norm_sqr();
+                    b += transfer[0] * transfer[1].conj() * power;
+                }
+                let determinant = a * d - b.norm_sqr();
+                let e = &band.estimate;
+                let trace = d * e[(0, 0)].re + a * e[(1, 1)].re - 2.0 * (b * e[(1, 0)]).re;
+                sum -= band.weight * (determinant.ln() + trace / determinant);
+            } else {
+                let model = self.model(block, band, noises);
+                let Some(cholesky) = model.cholesky() else { return f64::NEG_INFINITY };
+                let log_determinant: f64 =
+                    cholesky.l_dirty().diagonal().iter().map(|d| 2.0 * d.re.ln()).sum();
+                sum -= band.weight * (log_determinant + cholesky.solve(&band.estimate).trace().re);
+            }
+        }
+        if sum.is_finite() { sum } else { f64::NEG_INFINITY }
+    }
+
+    #[expect(clippy::unused_self)]
+    fn model(&self, block: &Block, band: &Band, noises: &[Noise]) -> DMatrix<Complex<f64>> {
+        let mut model = DMatrix::zeros(block.channels, block.channels);
+        for (&source, transfer) in block.sources.iter().zip(&band.transfer) {
+            let enters = DVector::from_column_slice(transfer);
+            let power = Complex::from(noises[source].spectrum(band.omega, block.step_s()));
+            model += &enters * enters.adjoint() * power;
+        }
+        model
+    }
+
+    /// Frequencies, rad a step, of the `number` bands whose whitened power stands out most.
+    pub fn peaks(&self, number: usize) -> Vec<f64> {
+        let mut found: Vec<(f64, f64)> = (self.bands.iter())
+            .map(|band| {
+                let excess = band.excess;
+                (band.weight * (excess - 1.0 - excess.max(1e-12).ln()) * (excess - 1.0).signum(), band.omega)
+            })
+            .collect();
+        found.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut peaks: Vec<f64> = Vec::new();
+        for (_, omega) in found {
+            if peaks.len() < number && peaks.iter().all(|peak| (peak / omega).ln().abs() > 0.3) {
+                peaks.push(omega);
+            }
+        }
+        peaks
+    }
+
+    /// Bands: middle, rad a step, independent frequencies, whitened power over what it should be.
+    pub fn excess(&self) -> impl Iterator<Item = (f64, f64, f64)> + '_ {
+        self.bands.iter().map(|band| (band.omega, band.weight, band.excess))
+    }
+}
+
+/// The transfer function from whitened innovations to the channels: (1 + H (z − Φ)⁻¹ Φ K) W⁻¹.
+fn unwhitening(space: &Space, filter: &Filter, omega: f64) -> Option<DMatrix<Complex<f64>>> {
+    let (n, m) = (space.states, space.channels);
+    let (gain, whitening) = filter.settled();
+    let complex = |rows: usize, columns: usize, values: &[f64]| {
+        DMatrix::from_row_iterator(rows, columns, values.iter().map(|&value| Complex::from(value)))
+    };
+    let inverse = complex(m, m, &whitening).try_inverse()?;
+    if n == 0 {
+        return Some(inverse);
+    }
+    let transition = complex(n, n, &space.transition);
+    let z = DMatrix::from_diagonal_element(n, n, Complex::from_polar(1.0, omega));
+    let resolvent = (z - &transition).lu().solve(&(&transition * complex(n, m, &gain)))?;
+    let unit = DMatrix::from_diagonal_element(m, m, Complex::from(1.0));
+    Some((unit + complex(m, n, &space.seen) * resolvent) * inverse)
+}

@@ -1,0 +1,489 @@
+//! The engine on synthetic records with signatures of the tests' own: false alarms, detection, naming, uncertainties.
+//!
+//! Seeds are fixed; no bound is set to what they give: bounds are those of the acceptance figures with their binomial
+//! allowance.
+use rand::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+use rand_pcg::Pcg64;
+use rayon::prelude::*;
+use schuler_explain::catalogue::{
+    Amplitude, Candidate, Column, Effect, NoiseChange, Nonlinear, OnsetShape, Port, ReadingFault, Search,
+    Signature, Target,
+};
+use schuler_explain::explain::{Error, Options, explain_with};
+use schuler_explain::explanation::{Explanation, Verdict};
+use schuler_explain::inputs::Inputs;
+use schuler_recording::Recording;
+use schuler_recording::case::{Case, Markov, Motion, MotionKind, Nominal, Sensor, SensorKind, Source};
+use schuler_recording::recording::{MotionSeries, Quality, SensorSeries};
+use schuler_recording::unit::Unit;
+
+macro_rules! effect {
+    ($name:ident, $id:literal) => {
+        static $name: Effect = Effect {
+            id: $id,
+            formula: "",
+            sentence: "{sensor} is wrong",
+            needs: "",
+            separated_by: "another record",
+            source: "",
+            acts_on: |_| true,
+            candidates: |_, _| Vec::new(),
+        };
+    };
+}
+
+effect!(TREND, "trend");
+effect!(WAVE, "wave");
+effect!(WAVE_RATE, "wave_rate");
+effect!(LAGGED, "lagged");
+effect!(DELAY, "delay");
+effect!(STEP, "step");
+effect!(RAMP, "ramp");
+effect!(LINE, "line");
+effect!(WHITE, "white");
+effect!(MARKOV, "markov");
+effect!(COSINE, "cosine");
+effect!(WALK, "walk");
+effect!(VARIANCE, "variance");
+effect!(SPIKES, "spikes");
+effect!(STUCK, "stuck");
+effect!(CLIPPED, "clipped");
+effect!(COARSE, "coarse");
+effect!(JUMPS, "jumps");
+
+const WHITE_SIGMA: f64 = 0.5;
+const MARKOV_SIGMA: f64 = 1.0;
+const TAU_S: f64 = 40.0;
+
+/// A slow wave that never repeats within a record.
+fn wave(time: f64, length: f64) -> f64 {
+    (7.0 * time / length).sin() + 0.5 * (17.0 * time / length + 1.0).cos()
+}
+
+fn wave_rate(time: f64, length: f64) -> f64 {
+    7.0 * (7.0 * time / length).cos() - 8.5 * (17.0 * time / length + 1.0).sin()
+}
+
+fn low_pass(values: &[f64], tau: f64) -> Vec<f64> {
+    let mut state = values.first().copied().unwrap_or_default();
+    values
+        .iter()
+        .map(|value| {
+            state += (value - state) / tau.max(1.0);
+            state
+        })
+        .collect()
+}
+
+fn amplitude() -> Amplitude {
+    Amplitude { name: "coefficient".to_owned(), unit: "m/s".to_owned(), in_unit: 1.0, plausible: None }
+}
+
+fn candidate(effect: &'static Effect, sensor: usize, search: Search) -> Candidate {
+    let amplitudes = match search {
+        Search::Frequency => vec![amplitude(), amplitude()],
+        Search::Noise(_) | Search::Readings(_) => Vec::new(),
+        _ => vec![amplitude()],
+    };
+    Candidate {
+        effect,
+        target: Target::Sensor(sensor),
+        port: Port::Output,
+        variant: Vec::new(),
+        search,
+        amplitudes,
+    }
+}
+
+fn signature(sensor: usize, values: Vec<f64>) -> Signature {
+    Signature { columns: vec![Column { parts: vec![(sensor, values)] }] }
+}
+
+/// Every kind of candidate on every sensor.
+fn candidates(rows: usize, sensors: usize) -> Vec<Candidate> {
+    let times: Vec<f64> = (0..rows).map(|row| row as f64).collect();
+    let length = rows as f64;
+    let waved: Vec<f64> = times.iter().map(|&time| wave(time, length)).collect();
+    (0..sensors)
+        .flat_map(|sensor| {
+            let linear =
+                |effect, values| candidate(effect, sensor, Search::Linear(signature(sensor, values)));
+            let noise = |effect, change| candidate(effect, sensor, Search::Noise(change));
+            let fault = |effect, fault| candidate(effect, sensor, Search::Readings(fault));
+            let lagged = waved.clone();
+            let lag = Search::Grid {
+                parameters: vec![Nonlinear {
+                    name: "tau_s",
+                    unit: "s",
+                    grid: vec![20.0, 50.0, 120.0, 300.0, 800.0],
+                }],
+                signature: Box::new(move |point| signature(sensor, low_pass(&lagged, point[0]))),
+                unit_amplitude: false,
+            };
+            vec![
+                linear(&TREND, times.iter().map(|time| time / length).collect()),
+                linear(&WAVE, waved.clone()),
+                linear(&WAVE_RATE, times.iter().map(|&time| wave_rate(time, length)).collect()),
+                candidate(&LAGGED, sensor, lag),
+                candidate(&STEP, sensor, Search::Onset(OnsetShape::Step)),
+                candidate(&RAMP, sensor, Search::Onset(OnsetShape::Ramp)),
+                candidate(&LINE, sensor, Search::Frequency),
+                noise(&WHITE, NoiseChange::White),
+                noise(&MARKOV, NoiseChange::Markov),
+                noise(&COSINE, NoiseChange::ExponentialCosine),
+                noise(&WALK, NoiseChange::RandomWalk),
+                noise(&VARIANCE, NoiseChange::VarianceStep),
+                fault(&SPIKES, ReadingFault::Outliers),
+                fault(&STUCK, ReadingFault::Stuck),
+                fault(&CLIPPED, ReadingFault::Saturated),
+                fault(&COARSE, ReadingFault::Quantised),
+                fault(&JUMPS, ReadingFault::IntermittentJump),
+            ]
+        })
+        .collect()
+}
+
+fn markov(random: &mut Pcg64, rows: usize, sigma: f64, tau: f64) -> Vec<f64> {
+    let phi = (-1.0 / tau).exp();
+    let mut normal = || -> f64 { StandardNormal.sample(random) };
+    let mut state = sigma * normal();
+    (0..rows)
+        .map(|_| {
+            let now = state;
+            state = phi * state + sigma * (1.0 - phi * phi).sqrt() * normal();
+            now
+        })
+        .collect()
+}
+
+/// Coloured noise as the nominal model says.
+fn noise(seed: u64, rows: usize) -> Vec<f64> {
+    let mut random = Pcg64::seed_from_u64(seed);
+    let mut values = markov(&mut random, rows, MARKOV_SIGMA, TAU_S);
+    for value in &mut values {
+        let white: f64 = StandardNormal.sample(&mut random);
+        *value += WHITE_SIGMA * white;
+    }
+    values
+}
+
+fn recording(series: Vec<Vec<f64>>) -> Recording {
+    let rows = series.first().map_or(0, Vec::len);
+    let sensors: Vec<SensorSeries> = series
+        .into_iter()
+        .enumerate()
+        .map(|(index, values)| SensorSeries {
+            sensor: Sensor {
+                id: format!("sensor_{index}"),
+                kind: SensorKind::Doppler,
+                column: format!("s{index}"),
+                unit: Unit::MetrePerSecond,
+                axis: Some([1.0, 0.0, 0.0]),
+                group: None,
+                spin_axis: None,
+                quantisation: 0.0,
+                relative: false,
+                nominal: Nominal {
+                    white: WHITE_SIGMA,
+                    markov: Some(Markov { sigma: MARKOV_SIGMA, tau_s: TAU_S }),
+                    ..Nominal::default()
+                },
+            },
+            written_unit: Unit::MetrePerSecond,
+            values,
+            quality: Quality::default(),
+        })
+        .collect();
+    Recording {
+        case: Case {
+            title: String::new(),
+            recording: Source { path: "x.csv".into(), time: "t".to_owned(), step_s: Some(1.0) },
+            site: None,
+            motion: Motion { kind: MotionKind::Static, ..Motion::default() },
+            schuler_loop: None,
+            sensors: sensors.iter().map(|series| series.sensor.clone()).collect(),
+            auxiliaries: Vec::new(),
+            calibration: None,
+        },
+        step_s: 1.0,
+        time_s: (0..rows).map(|row| row as f64).collect(),
+        inserted: vec![false; rows],
+        gaps: Vec::new(),
+        sensors,
+        auxiliaries: Vec::new(),
+        motion: MotionSeries::default(),
+        table_angle: None,
+        warnings: Vec::new(),
+    }
+}
+
+fn answer(series: Vec<Vec<f64>>, hold_out: bool) -> Result<Explanation, Error> {
+    let recording = recording(series);
+    let inputs = Inputs::new(&recording);
+    let candidates = candidates(recording.len(), recording.sensors.len());
+    explain_with(&inputs, candidates, &Options { hold_out, ..Options::default() })
+}
+
+fn with(mut values: Vec<f64>, add: impl Fn(f64) -> f64) -> Vec<f64> {
+    values.iter_mut().enumerate().for_each(|(row, value)| *value += add(row as f64));
+    values
+}
+
+/// Most successes that `trials` with the probability `p` show but once in a thousand.
+fn most(trials: usize, p: f64) -> usize {
+    let mean = trials as f64 * p;
+    (mean + 3.1 * (mean * (1.0 - p)).sqrt() + 1.0) as usize
+}
+
+const ROWS: usize = 2000;
+
+#[test]
+fn nothing_is_found_where_nothing_is_hidden() {
+    const TRIALS: usize = 200;
+    let false_alarms: Vec<String> = (0..TRIALS as u64)
+        .into_par_iter()
+        .flat_map_iter(|seed| {
+            let series = (0..2).map(|sensor| noise(1000 + 2 * seed + sensor, ROWS)).collect();
+            let answer = answer(series, false).unwrap();
+            if answer.findings.is_empty() {
+                assert!(matches!(answer.verdict, Verdict::NoMismatch | Verdict::Unexplained));
+            }
+            let wrong = answer.verdict != Verdict::NoMismatch;
+            wrong.then(|| {
+                format!("{:?} {:?}", answer.verdict, answer.findings.first().map(|f| f.effect.clone()))
+            })
+        })
+        .collect();
+    println!("{} of {TRIALS}: {false_alarms:?}", false_alarms.len());
+    assert!(false_alarms.len() <= most(TRIALS, 0.01), "{false_alarms:?}");
+}
+
+/// Share of `trials` in which the effect is in the class of the first finding on the first sensor, and nothing else is
+/// found.
+fn named(effect: &str, trials: u64, hide: impl Fn(u64, Vec<f64>) -> Vec<f64> + Sync) -> (usize, usize) {
+    let found: Vec<(bool, bool)> = (0..trials)
+        .into_par_iter()
+        .map(|seed| {
+            let series = vec![hide(seed, noise(5000 + 2 * seed, ROWS)), noise(5001 + 2 * seed, ROWS)];
+            let answer = answer(series, false).unwrap();
+            let right = (answer.findings.first())
+                .is_some_and(|first| first.sensor == "sensor_0" && first.class.iter().any(|id| id == effect));
+            if !right || answer.findings.len() > 1 {
+                println!(
+                    "{effect} {seed}: {:?}",
+                    answer.findings.iter().map(|f| &f.class).collect::<Vec<_>>()
+                );
+            }
+            (right, answer.findings.len() > 1)
+        })
+        .collect();
+    (found.iter().filter(|found| found.0).count(), found.iter().filter(|found| found.1).count())
+}
+
+fn assert_named(effect: &str, hide: impl Fn(u64, Vec<f64>) -> Vec<f64> + Sync) {
+    const TRIALS: u64 = 30;
+    let (right, several) = named(effect, TRIALS, hide);
+    println!("{effect}: right {right}, several {several} of {TRIALS}");
+    assert!(TRIALS as usize - right <= most(TRIALS as usize, 0.05), "{effect}: {right}");
+    assert!(several <= most(TRIALS as usize, 0.05), "{effect}: {several} with something beside");
+}
+
+#[test]
+fn deterministic_effects_in_coloured_noise_are_named() {
+    let length = ROWS as f64;
+    assert_named("wave", |_, values| with(values, |time| 1.3 * wave(time, length)));
+    assert_named("trend", |_, values| with(values, |time| 3.0 * time / length));
+    assert_named("step", |seed, values| {
+        with(values, |time| if time >= 500.0 + 30.0 * seed as f64 { 3.0 } else { 0.0 })
+    });
+    assert_named("line", |seed, values| {
+        with(values, |time| 0.25 * (0.9 * time + 0.01 * seed as f64 * time).sin())
+    });
+    assert_named("lagged", |_, values| {
+        let waved: Vec<f64> = (0..ROWS).map(|row| wave(row as f64, length)).collect();
+        let lagged = low_pass(&waved, 200.0);
+        values.iter().zip(&lagged).map(|(value, lagged)| value + 2.0 * lagged).collect()
+    });
+}
+
+#[test]
+fn noise_of_another_kind_is_named() {
+    let white = |seed: u64, sigma: f64| {
+        move |values: Vec<f64>| -> Vec<f64> {
+            let mut random = Pcg64::seed_from_u64(90_000 + seed);
+            values
+                .into_iter()
+                .map(|value| {
+                    let more: f64 = StandardNormal.sample(&mut random);
+                    value + sigma * more
+                })
+                .collect()
+        }
+    };
+    assert_named("white", |seed, values| white(seed, 0.35)(values));
+    assert_named("variance", |seed, values| {
+        let rough = white(seed, 0.6)(values.clone());
+        values
+            .into_iter()
+            .zip(rough)
+            .enumerate()
+            .map(|(row, (a, b))| if row < 1200 { a } else { b })
+            .collect()
+    });
+    assert_named("markov", |seed, values| {
+        let more = markov(&mut Pcg64::seed_from_u64(70_000 + seed), ROWS, 0.8, 4.0);
+        values.iter().zip(more).map(|(value, more)| value + more).collect()
+    });
+}
+
+#[test]
+fn faults_in_readings_are_named_and_do_not_breed() {
+    assert_named("spikes", |seed, mut values| {
+        for spike in 0..4 {
+            values[200 + 400 * spike + seed as usize] += 15.0;
+        }
+        values
+    });
+    assert_named("stuck", |_, mut values| {
+        let held = values[1500];
+        values[1500..].fill(held);
+        values
+    });
+    assert_named("clipped", |_, mut values| {
+        for value in &mut values {
+            *value = value.clamp(-1.5, 1.5);
+        }
+        values
+    });
+    assert_named("coarse", |_, mut values| {
+        for value in &mut values {
+            *value = value.round();
+        }
+        values
+    });
+    assert_named("jumps", |seed, values| {
+        let start = 100.0 + seed as f64;
+        with(values, |time| if (time - start).rem_euclid(500.0) < 120.0 { 5.0 } else { 0.0 })
+    });
+}
+
+#[test]
+fn standard_deviations_are_honest() {
+    const TRIALS: u64 = 100;
+    let length = ROWS as f64;
+    let outside = (0..TRIALS)
+        .into_par_iter()
+        .filter(|&seed| {
+            let values = with(noise(20_000 + seed, ROWS), |time| 1.1 * wave(time, length));
+            let answer = answer(vec![values], false).unwrap();
+            answer.findings.first().is_some_and(|first| {
+                first.effect == "wave"
+                    && first.parameters.first().is_some_and(|parameter| {
+                        let (value, sigma) = (parameter.value.unwrap(), parameter.sigma.unwrap());
+                        (value - 1.1).abs() > 3.0 * sigma
+                    })
+            })
+        })
+        .count();
+    println!("{outside} of {TRIALS} beyond 3 σ");
+    assert!(outside <= most(TRIALS as usize, 0.003).max(3), "{outside}");
+}
+
+#[test]
+fn what_looks_the_same_is_a_class_and_not_a_name() {
+    // Under one exponential a quantity and its rate are the same function up to a factor and a constant.
+    let warm: Vec<f64> = (0..ROWS).map(|row| (-(row as f64) / 400.0).exp()).collect();
+    let rate: Vec<f64> = warm.iter().map(|value| -value / 400.0).collect();
+    let values: Vec<f64> =
+        noise(31, ROWS).iter().zip(&warm).map(|(noise, warm)| noise + 3.0 * warm).collect();
+    let recording = recording(vec![values]);
+    let inputs = Inputs::new(&recording);
+    let mut all = candidates(ROWS, 1);
+    all.retain(|candidate| !matches!(candidate.search, Search::Linear(_) | Search::Grid { .. }));
+    all.push(candidate(&WAVE, 0, Search::Linear(signature(0, warm))));
+    all.push(candidate(&WAVE_RATE, 0, Search::Linear(signature(0, rate))));
+    let answer = explain_with(&inputs, all, &Options { hold_out: false, ..Options::default() }).unwrap();
+    let first = answer.findings.first().expect("a strong effect");
+    assert!(first.class.iter().any(|id| id == "wave") && first.class.iter().any(|id| id == "wave_rate"));
+    let rival = first.rivals.iter().find(|rival| rival.effect.starts_with("wave")).expect("a rival");
+    assert!(rival.principal_angle_deg < 0.1, "{}", rival.principal_angle_deg);
+}
+
+#[test]
+fn a_delay_is_found_without_an_amplitude() {
+    let input: Vec<f64> = (0..ROWS).map(|row| 20.0 * (0.05 * row as f64).sin()).collect();
+    let delayed = |delay: f64| -> Vec<f64> {
+        (0..ROWS)
+            .map(|row| 20.0 * ((0.05 * (row as f64 - delay)).sin() - (0.05 * row as f64).sin()))
+            .collect()
+    };
+    let values: Vec<f64> =
+        noise(77, ROWS).iter().zip(delayed(0.7)).map(|(noise, more)| noise + more).collect();
+    let recording = recording(vec![values]);
+    let inputs = Inputs::new(&recording);
+    let mut all = candidates(ROWS, 1);
+    let search = Search::Grid {
+        parameters: vec![Nonlinear { name: "delay_s", unit: "s", grid: vec![0.1, 0.3, 0.6, 1.0, 1.5] }],
+        signature: Box::new(move |point| signature(0, delayed(point[0]))),
+        unit_amplitude: true,
+    };
+    let mut delay = candidate(&DELAY, 0, search);
+    delay.amplitudes = vec![amplitude()];
+    all.push(delay);
+    assert_eq!(input.len(), ROWS);
+    let answer = explain_with(&inputs, all, &Options { hold_out: false, ..Options::default() }).unwrap();
+    let first = answer.findings.first().expect("a strong effect");
+    assert!(first.class.iter().any(|id| id == "delay"), "{:?}", first.class);
+    if first.effect == "delay" {
+        let parameter = first.parameters.iter().find(|parameter| parameter.name == "delay_s").unwrap();
+        let (value, sigma) = (parameter.value.unwrap(), parameter.sigma.unwrap());
+        assert!((value - 0.7).abs() < 3.5 * sigma, "{value} {sigma}");
+    }
+}
+
+#[test]
+fn what_was_held_out_is_predicted_better() {
+    let length = ROWS as f64;
+    let values = with(noise(41, ROWS), |time| 3.0 * wave(time, length));
+    let answer = answer(vec![values], true).unwrap();
+    let fit = answer.fit.held_out;
+    assert!(fit.after.nll_per_sample < fit.before.nll_per_sample, "{fit:?}");
+    assert!((fit.after.nis_mean - 1.0).abs() < 0.2, "{fit:?}");
+    assert_eq!(answer.verdict, Verdict::Explained);
+}
+
+#[test]
+fn gaps_do_no_harm() {
+    let length = ROWS as f64;
+    let mut values = with(noise(43, ROWS), |time| 2.0 * wave(time, length));
+    values[300..420].fill(f64::NAN);
+    (0..ROWS).step_by(37).for_each(|row| values[row] = f64::NAN);
+    let answer = answer(vec![values], true).unwrap();
+    assert!(answer.findings.first().is_some_and(|first| first.class.iter().any(|id| id == "wave")));
+}
+
+#[test]
+fn bad_input_is_named() {
+    assert!(matches!(answer(vec![vec![0.0; 10]], false), Err(Error::TooShort { rows: 10, .. })));
+    assert!(matches!(answer(vec![vec![f64::NAN; 500]], false), Err(Error::NothingToCompare(_))));
+    let recording = recording(vec![noise(1, 500)]);
+    let inputs = Inputs::new(&recording);
+    let options = Options { level: 2.0, hold_out: false };
+    assert!(matches!(explain_with(&inputs, Vec::new(), &options), Err(Error::Level(_))));
+    // One dead sensor beside a good one is a note, not the end.
+    let answer = answer(vec![noise(3, ROWS), vec![f64::NAN; ROWS]], false).unwrap();
+    assert!(answer.notes.iter().any(|note| note.contains("sensor_1")), "{:?}", answer.notes);
+    assert!(answer.findings.is_empty());
+}
+
+#[test]
+fn noise_that_nobody_knows_is_estimated_and_said() {
+    let mut recording = recording(vec![noise(9, ROWS)]);
+    recording.sensors[0].sensor.nominal = Nominal::default();
+    let inputs = Inputs::new(&recording);
+    let options = Options { hold_out: false, ..Options::default() };
+    let answer = explain_with(&inputs, candidates(ROWS, 1), &options).unwrap();
+    assert!(answer.findings.is_empty(), "{:?}", answer.findings);
+    assert!(answer.notes.iter().any(|note| note.contains("estimated")));
+}

@@ -1,0 +1,143 @@
+//! The whole step of the module, and what the main loop adds to it.
+use core::hint::black_box;
+
+use schuler_core::identification::Method;
+use schuler_core::module::{Command, FlightModule, ModuleConfig, StepInput, StepOutput};
+use schuler_core::reading::Reading;
+use schuler_link::endpoint::{Endpoint, Reaction};
+use schuler_link::frame::Wire;
+use schuler_link::message::HostMessage;
+
+use crate::channel::Velocity;
+use crate::gyros::Gyros;
+use crate::meter::{Meter, Random};
+
+/// Steps of a flight, and of one in which the noise is identified twice over.
+const STEPS: usize = 3000;
+const LONG: usize = 9000;
+/// The first identification is early, so that the flight need not be long.
+const FIRST_S: f32 = 3000.0;
+const INTERVAL_S: f32 = 3000.0;
+
+/// Inputs of a flight with all that can go wrong in it.
+struct Flight {
+    time_ms: u64,
+    velocity: Velocity,
+    gyros: Gyros,
+    /// Clocks run backwards, and jump.
+    clocks: bool,
+}
+
+impl Flight {
+    fn new(clocks: bool) -> Self {
+        Self { time_ms: 0, velocity: Velocity::new(), gyros: Gyros::new(), clocks }
+    }
+
+    fn next(&mut self, random: &mut Random) -> StepInput {
+        self.time_ms += 1000;
+        let time_ms = match self.time_ms / 1000 % 2500 {
+            _ if !self.clocks => self.time_ms,
+            600 => self.time_ms - 3000,
+            1300 => {
+                self.time_ms += 20_000;
+                self.time_ms
+            }
+            2400 => {
+                self.time_ms += 700_000;
+                self.time_ms
+            }
+            _ => self.time_ms,
+        };
+        let velocity_error = match self.velocity.next::<f32>(random) {
+            Some(value) if random.once_in(100) => Reading { age_ms: 5000, ..Reading::good(value) },
+            Some(value) => Reading::good(value),
+            None => Reading::missing(),
+        };
+        let (gyros, command) = self.gyros.next(random);
+        let command = command.map_or(Command::None, Command::ReadmitGyro);
+        StepInput { time_ms, velocity_error, gyros, command }
+    }
+}
+
+struct Flying {
+    module: &'static mut FlightModule,
+    flight: Flight,
+    input: StepInput,
+    output: StepOutput,
+}
+
+/// The module with each method of identification; then through the link.
+pub fn count(
+    meter: &mut Meter,
+    module: &'static mut FlightModule,
+    endpoint: &'static mut Endpoint,
+    wire: &'static mut Wire,
+) {
+    let mut config = ModuleConfig::default();
+    config.identification.first_s = FIRST_S;
+    config.identification.interval_s = INTERVAL_S;
+    let mut flying = Flying {
+        module,
+        flight: Flight::new(true),
+        input: StepInput::default(),
+        output: StepOutput::default(),
+    };
+
+    let configure = |flying: &mut (&mut Flying, ModuleConfig)| {
+        let _ = black_box(flying.0.module.configure(&flying.1));
+    };
+    meter.part("configuration", 4, (&mut flying, config), |_, _| (), configure);
+    for (name, method, clocks, steps) in [
+        ("module step, no identification", Method::Off, true, STEPS),
+        ("module step, published loop", Method::Published, false, LONG),
+        ("module step", Method::Likelihood, false, LONG),
+        ("module step, clocks that jump", Method::Likelihood, true, STEPS),
+    ] {
+        config.identification.method = method;
+        flying.flight = Flight::new(clocks);
+        if flying.module.configure(&config).is_err() {
+            return;
+        }
+        meter.part(
+            name,
+            steps,
+            &mut flying,
+            |flying, random| flying.input = flying.flight.next(random),
+            |flying| flying.output = flying.module.step(&flying.input),
+        );
+    }
+
+    let host = Host { flying, endpoint, wire, sequence: 0, config };
+    meter.part("main loop: a frame with a step, its answer", STEPS, host, Host::prepare, Host::run);
+}
+
+/// The other end of the line.
+struct Host {
+    flying: Flying,
+    endpoint: &'static mut Endpoint,
+    wire: &'static mut Wire,
+    sequence: u32,
+    config: ModuleConfig,
+}
+
+impl Host {
+    /// The next frame: a configuration at first, then steps.
+    fn prepare(&mut self, random: &mut Random) {
+        let message = if self.sequence == 0 {
+            self.flying.flight = Flight::new(true);
+            HostMessage::Configure(self.config)
+        } else {
+            HostMessage::Step(self.flying.flight.next(random))
+        };
+        let _ = self.wire.encode(self.sequence, &message);
+        self.sequence += 1;
+    }
+
+    fn run(&mut self) {
+        for byte in self.wire.as_bytes() {
+            if let Reaction::Send(frame) = self.endpoint.receive(*byte, self.flying.module, || 0) {
+                black_box(frame);
+            }
+        }
+    }
+}

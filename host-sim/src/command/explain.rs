@@ -1,0 +1,142 @@
+//! `schuler explain CASE.toml`.
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use schuler_explain::deploy::{Deployed, Deployment, Stations, deploy};
+use schuler_explain::evidence::evidence;
+use schuler_explain::explain::{Options, explain_shown};
+use schuler_explain::explanation::Explanation;
+use schuler_link::block;
+use schuler_recording::{CaseFile, Error, Problem, Recording};
+use serde::Serialize;
+
+use super::Failure;
+use super::fly::write_json;
+use super::session::Session;
+use crate::flight;
+use crate::flight::sensors::Place;
+use crate::output;
+use crate::plot::Format;
+use crate::report::{Recorded, Report};
+
+/// What to explain, and where to show it.
+#[derive(Debug, clap::Args)]
+pub(super) struct Arguments {
+    /// Case file.
+    case: PathBuf,
+    /// Write the explanation as one HTML page that needs nothing beside it.
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// Directory for the explanation and its figures; without it nothing is written there.
+    #[arg(long, short)]
+    out: Option<PathBuf>,
+    /// Also draw what is explained, what is left and each effect against its cause, in these forms; needs --out.
+    #[arg(long, value_enum, value_delimiter = ',', requires = "out")]
+    plot: Vec<Format>,
+    /// Write the block by which the flight module compensates what was found.
+    #[arg(long, value_name = "BLOCK")]
+    compensation: Option<PathBuf>,
+}
+
+/// The answer, with what became of the files that were asked for.
+#[derive(Serialize)]
+struct Answer<'r> {
+    #[serde(flatten)]
+    explanation: &'r Explanation,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    compensation: Vec<Deployed>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    files: Vec<PathBuf>,
+}
+
+pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failure> {
+    let recording = Recording::of_case(CaseFile::read(&arguments.case)?)?;
+    let waiting = session.waiting("explaining");
+    let (explanation, arrays) = explain_shown(&recording, &Options::default())
+        .map_err(|error| Error::one(&arguments.case, Problem::of_file(error.to_string())))?;
+    let report = Report {
+        title: recording.case.title.clone(),
+        recorded: Recorded::of(&recording, &arguments.case.display().to_string()),
+        explanation,
+        evidence: evidence(arrays),
+    };
+    let mut files = Vec::new();
+    if let Some(directory) = &arguments.out {
+        std::fs::create_dir_all(directory)
+            .map_err(|error| Error::io(directory, "make the directory", &error))?;
+        for (name, figure) in report.figures() {
+            files.extend(figure.write(directory, &name, &arguments.plot)?);
+        }
+        let path = directory.join("explanation.json");
+        write_json(&path, &report.explanation)?;
+        files.push(path);
+    }
+    if let Some(path) = &arguments.report {
+        output::write(path, report.html().as_bytes())?;
+        files.push(path.clone());
+    }
+    let mut compensation = Vec::new();
+    if let Some(path) = &arguments.compensation {
+        let deployment = deployed(&report.explanation, &recording, &arguments.case)?;
+        output::write(path, &block::encode(&deployment.block))?;
+        compensation = deployment.findings;
+        files.push(path.clone());
+    }
+    drop(waiting);
+    let answer = Answer { explanation: &report.explanation, compensation, files };
+    session.answer(&answer, |answer| {
+        let mut text = report.text();
+        text.push_str(&words(&answer.compensation));
+        if !answer.files.is_empty() {
+            text.push_str("\nWritten:\n");
+        }
+        for path in &answer.files {
+            // Writing into a string cannot fail.
+            let _ = writeln!(text, "  {}", path.display());
+        }
+        text
+    })
+}
+
+/// What flies, by the inputs that the sensors of the case have at the flight module.
+fn deployed(explanation: &Explanation, recording: &Recording, case: &Path) -> Result<Deployment, Failure> {
+    let channels = flight::plan(recording).map_err(|mut problem| {
+        problem.message =
+            format!("the case cannot be flown, so there is nothing to compensate: {}", problem.message);
+        Error::one(case, problem)
+    })?;
+    Ok(deploy(explanation, recording, &channels.first().map(stations).unwrap_or_default()))
+}
+
+/// Which sensors stand at which inputs.
+fn stations(channel: &flight::Channel) -> Stations {
+    let mut stations = Stations { thermometers: channel.thermometers.clone(), ..Stations::default() };
+    for (id, place) in &channel.sensors {
+        match place {
+            Place::Gyro(k) => stations.gyros.push((id.clone(), *k as u8)),
+            Place::Accelerometer(k) => stations.accelerometers.push((id.clone(), *k as u8)),
+        }
+    }
+    stations
+}
+
+/// What can be compensated in flight and what cannot.
+fn words(compensation: &[Deployed]) -> String {
+    let mut text = String::new();
+    if !compensation.is_empty() {
+        text.push_str("\nIn flight:\n");
+    }
+    for it in compensation {
+        let what = match (&it.because, &it.caution) {
+            (Some(because), _) => format!("cannot be compensated, because {because}"),
+            (None, Some(caution)) => format!("is compensated by {}; {caution}", counted(it.terms)),
+            (None, None) => format!("is compensated by {}", counted(it.terms)),
+        };
+        let _ = writeln!(text, "  {} of {} {what}.", it.effect, it.sensor);
+    }
+    text
+}
+
+fn counted(terms: usize) -> String {
+    if terms == 1 { "one term".to_owned() } else { format!("{terms} terms") }
+}

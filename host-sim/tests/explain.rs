@@ -1,0 +1,131 @@
+//! `schuler explain` from the outside: what it prints, what it writes, what it says of bad input.
+use std::f64::consts::TAU;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use rand::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+use rand_pcg::Pcg64Mcg;
+use serde_json::Value;
+
+const CASE: &str = r#"
+format = "schuler-case/1"
+title = "one gyro at rest"
+[recording]
+path = "recording.csv"
+time = "t"
+step_s = 1.0
+[site]
+latitude_deg = 55.0
+[motion]
+kind = "static"
+attitude_deg = { roll = 0.0, pitch = 0.0, heading = 30.0 }
+[[sensor]]
+id = "gyro_x"
+kind = "dtg"
+column = "gyro_x"
+unit = "deg/h"
+axis = [1.0, 0.0, 0.0]
+relative = true
+  [sensor.nominal]
+  white = 0.05
+  markov = { sigma = 0.05, tau_s = 200.0 }
+[[aux]]
+column = "temp_x"
+quantity = "temperature"
+unit = "degC"
+near = "gyro_x"
+"#;
+
+/// A gyro that drifts by `coefficient` °/h per K/h.
+fn recorded(directory: &Path, rows: usize, coefficient: f64) -> PathBuf {
+    let mut random = Pcg64Mcg::seed_from_u64(11);
+    let mut draw = || -> f64 { StandardNormal.sample(&mut random) };
+    let transition = f64::exp(-1.0 / 200.0);
+    let mut markov = 0.05 * draw();
+    let mut table = String::from("t,gyro_x,temp_x\n");
+    for k in 0..rows {
+        let phase = TAU * k as f64 / 5000.0;
+        let rate = 4.0 * TAU / 5000.0 * 3600.0 * phase.cos();
+        let reading = 10.0 + markov + 0.05 * draw() + coefficient * rate;
+        writeln!(table, "{k},{reading:.5},{:.3}", 30.0 + 4.0 * phase.sin()).unwrap();
+        markov = transition * markov + 0.05 * (1.0 - transition * transition).sqrt() * draw();
+    }
+    std::fs::write(directory.join("recording.csv"), table).unwrap();
+    let case = directory.join("case.toml");
+    std::fs::write(&case, CASE).unwrap();
+    case
+}
+
+fn explain(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_schuler")).arg("explain").args(arguments).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+#[test]
+fn a_drift_with_the_rate_of_temperature_is_said_shown_and_written() {
+    let directory = tempfile::tempdir().unwrap();
+    let case = recorded(directory.path(), 10_000, 0.02);
+    let (out, page) = (directory.path().join("out"), directory.path().join("page.html"));
+    let (out, page) = (out.to_str().unwrap(), page.to_str().unwrap());
+    let case = case.to_str().unwrap();
+    let said = explain(&[case, "--out", out, "--plot", "svg,png", "--report", page]);
+    assert!(said.status.success(), "{}", text(&said.stderr));
+    let words = text(&said.stdout);
+    assert!(words.contains("1. gyro_x drifts with the rate of its temperature: 0.0"), "{words}");
+    assert!(words.contains("°/h per K/h"), "{words}");
+    assert!(words.contains("Left out: bias_temperature_rate, k·Ṫ."), "{words}");
+    let flat = words.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(flat.contains("expects, and the likelihood gains 0.0"), "{words}");
+
+    let html = std::fs::read_to_string(page).unwrap();
+    assert!(html.contains("against Ṫ") && html.contains("Residual over time"));
+    let files = [
+        "explanation.json",
+        "gyro_x_explained.svg",
+        "gyro_x_whiteness.png",
+        "gyro_x_1_bias_temperature_rate.svg",
+    ];
+    for name in files {
+        assert!(Path::new(out).join(name).exists(), "{name}");
+    }
+
+    let json: Value = serde_json::from_slice(&explain(&[case, "--json"]).stdout).unwrap();
+    assert_eq!(json["format"], "schuler-explanation/1");
+    let parameters = json["findings"][0]["parameters"].as_array().unwrap();
+    let coefficient = parameters.iter().find(|it| it["name"] == "coefficient").unwrap();
+    let (value, sigma) = (coefficient["value"].as_f64().unwrap(), coefficient["sigma"].as_f64().unwrap());
+    assert!((value - 0.02).abs() < 4.0 * sigma, "{value} ± {sigma}");
+}
+
+#[test]
+fn nothing_concealed_is_nothing_found_and_still_a_success() {
+    let directory = tempfile::tempdir().unwrap();
+    let case = recorded(directory.path(), 5000, 0.0);
+    let page = directory.path().join("page.html");
+    let said = explain(&[case.to_str().unwrap(), "--report", page.to_str().unwrap()]);
+    assert_eq!(said.status.code(), Some(0));
+    assert!(text(&said.stdout).contains("Nothing was found"), "{}", text(&said.stdout));
+    assert!(std::fs::read_to_string(page).unwrap().contains("No mismatch"));
+}
+
+#[test]
+fn bad_input_is_one_line_that_says_what_and_where() {
+    let directory = tempfile::tempdir().unwrap();
+    let case = recorded(directory.path(), 20, 0.0);
+    for (path, expected) in [
+        ("/no/such/case.toml", "/no/such/case.toml: cannot read the case"),
+        (case.to_str().unwrap(), "case.toml: the recording has 20 rows; expected at least 50"),
+    ] {
+        let failed = explain(&[path]);
+        assert_eq!(failed.status.code(), Some(2), "{}", text(&failed.stderr));
+        let line = text(&failed.stderr);
+        assert!(line.lines().count() == 1 && line.contains(expected), "{line}");
+    }
+    let failed = explain(&[case.to_str().unwrap(), "--plot", "svg"]);
+    assert_eq!(failed.status.code(), Some(2));
+}

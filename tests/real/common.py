@@ -1,0 +1,129 @@
+"""What the independent calculations share: where the recordings are, generalised least squares, the answer's form."""
+
+import json
+import os
+import sys
+from pathlib import Path
+
+import numpy as np
+
+PROJECT = Path(__file__).resolve().parents[2]
+DATA = Path(os.environ.get("SCHULER_DATA", PROJECT / "../shared/data"))
+STANDARD_GRAVITY = 9.80665
+
+
+def cross_with_axes(v):
+    """The three derivatives of v x r with respect to r: (rows, 3 components, 3 elements of r)."""
+    return np.stack([np.cross(v, axis) for axis in np.eye(3)], axis=2)
+
+
+def body_rate(rotations, time):
+    """Mean rate in body axes between the neighbours of each row; one-sided at the ends, NaN beside what is missing."""
+    turn = (rotations[:-2].inv() * rotations[2:]).as_rotvec() / (time[2:] - time[:-2])[:, None]
+    return np.vstack([turn[:1], turn, turn[-1:]])
+
+
+def autoregression(residual, order):
+    """Coefficients and innovation deviation of an autoregression, by least squares over the rows that are complete."""
+    lags = np.column_stack([residual[order - k - 1 : len(residual) - k - 1] for k in range(order)])
+    known = np.isfinite(lags).all(axis=1) & np.isfinite(residual[order:])
+    coefficients = np.linalg.lstsq(lags[known], residual[order:][known], rcond=None)[0]
+    innovation = residual[order:][known] - lags[known] @ coefficients
+    return coefficients, np.sqrt(np.mean(innovation**2))
+
+
+def whiten(values, coefficients):
+    order = len(coefficients)
+    out = values[order:].copy()
+    for k, coefficient in enumerate(coefficients):
+        out -= coefficient * values[order - k - 1 : len(values) - k - 1]
+    return out
+
+
+class Fit:
+    """Generalised least squares of several channels on common regressors.
+
+    Each channel's noise is an autoregression of its own, of the given order, estimated in turns with the coefficients
+    (Cochrane and Orcutt). `channels` is a list of (y, X) with equal columns in all X; NaN = missing.
+    """
+
+    def __init__(self, channels, order, rounds=8):
+        columns = channels[0][1].shape[1]
+        complete = [np.isfinite(y) & np.isfinite(X).all(axis=1) for y, X in channels]
+        stacked_y = np.concatenate([y[ok] for (y, _), ok in zip(channels, complete)])
+        stacked_x = np.vstack([X[ok] for (_, X), ok in zip(channels, complete)])
+        self.coefficients = np.linalg.lstsq(stacked_x, stacked_y, rcond=None)[0]
+        for _ in range(rounds):
+            normal, right, self.noise, likelihood = np.zeros((columns, columns)), np.zeros(columns), [], 0.0
+            for y, X in channels:
+                coefficients, sigma = autoregression(y - X @ self.coefficients, order)
+                wy, wx = whiten(y, coefficients) / sigma, whiten(X, coefficients) / sigma
+                known = np.isfinite(wy) & np.isfinite(wx).all(axis=1)
+                normal += wx[known].T @ wx[known]
+                right += wx[known].T @ wy[known]
+                likelihood -= known.sum() * np.log(sigma)
+                self.noise.append((coefficients, sigma, int(known.sum())))
+            scale = np.sqrt(np.diag(normal))
+            self.covariance = np.linalg.pinv(normal / np.outer(scale, scale), rcond=1e-12) / np.outer(scale, scale)
+            self.coefficients = self.covariance @ right
+        self.sigmas = np.sqrt(np.diag(self.covariance))
+        self.log_likelihood = likelihood
+        self.residuals = [y - X @ self.coefficients for y, X in channels]
+
+    def innovations(self, channel=0):
+        coefficients, _, _ = self.noise[channel]
+        return whiten(self.residuals[channel], coefficients)
+
+
+def held_out_gain(channels, order, nuisance, share=0.7, gap=50):
+    """Nats per sample that the regressors beyond `nuisance` gain on the last part, fitted on the first."""
+    rows = len(channels[0][0])
+    end = int(share * rows)
+    train = [(y[:end], X[:, :][:end]) for y, X in channels]
+    test = [(y[end + gap :], X[end + gap :]) for y, X in channels]
+
+    def nll(columns):
+        fit = Fit([(y, X[:, columns]) for y, X in train], order)
+        total, count = 0.0, 0
+        for (y, X), (coefficients, sigma, _) in zip(test, fit.noise):
+            error = whiten(y - X[:, columns] @ fit.coefficients, coefficients)
+            error = error[np.isfinite(error)]
+            total += np.sum(0.5 * (error / sigma) ** 2 + np.log(sigma))
+            count += len(error)
+        return total / count
+
+    return nll(nuisance) - nll(list(range(channels[0][1].shape[1])))
+
+
+class Report:
+    """Estimates by case, printed as JSON."""
+
+    def __init__(self, name):
+        self.set, self.cases = name, {}
+
+    def case(self, name):
+        return self.cases.setdefault(name, {"estimates": [], "names": {}, "required": [], "remarks": []})
+
+    def estimate(self, case, sensor, effect, parameter, value, sigma, unit, gain=None, **more):
+        """An estimate; `gain` in nats, by default that of the parameter alone."""
+        gain = 0.5 * (value / sigma) ** 2 if gain is None else gain
+        row = {"sensor": sensor, "effect": effect, "parameter": parameter, "value": float(value)}
+        row |= {"sigma": float(sigma), "unit": unit, "gain_nats": float(gain)} | more
+        self.case(case)["estimates"].append(row)
+
+    def allow(self, case, sensor, *effects):
+        """Names that describe rightly what is there."""
+        names = self.case(case)["names"].setdefault(sensor, [])
+        names.extend(effect for effect in effects if effect not in names)
+
+    def require(self, case, sensor, effect):
+        """What is beyond doubt, by one of its names (a|b): an explanation without it is not one."""
+        self.allow(case, sensor, *effect.split("|"))
+        self.case(case)["required"].append([sensor, effect])
+
+    def remark(self, case, text):
+        self.case(case)["remarks"].append(text)
+
+    def print(self):
+        json.dump({"set": self.set, "cases": self.cases}, sys.stdout, indent=1)
+        print()

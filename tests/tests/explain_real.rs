@@ -1,0 +1,283 @@
+//! Real recordings: what the explanation says, what it gains where it was not fitted, and whether calculations that share
+//! no code with it agree.
+//!
+//! `tests/real/*.py` are those calculations (numpy, scipy, statsmodels, in the virtual environment of the other oracle). For
+//! each case they give estimates with standard deviations, the names that describe rightly what is there, and those
+//! without which an explanation is none. The recordings are looked for in `SCHULER_DATA`, else in `../shared/data` beside
+//! the project.
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Instant;
+
+use schuler_explain::explain::{Options, explain};
+use schuler_explain::explanation::{Explanation, Finding, Parameter};
+use schuler_recording::Recording;
+use serde_json::Value;
+
+/// How many combined standard deviations two estimates may be apart.
+const LARGEST_DISTANCE: f64 = 3.0;
+
+fn project() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// Folder of the recordings, if it is there.
+fn recordings() -> Option<PathBuf> {
+    let root =
+        std::env::var_os("SCHULER_DATA").map_or_else(|| project().join("../shared/data"), PathBuf::from);
+    if root.is_dir() {
+        return root.canonicalize().ok();
+    }
+    eprintln!("SKIPPED: no real recordings at {} (set SCHULER_DATA)", root.display());
+    None
+}
+
+/// Python with the packages of `tests/oracle/requirements.txt`.
+fn python() -> PathBuf {
+    let requirements = project().join("tests/oracle/requirements.txt");
+    let wanted = fs::read_to_string(&requirements).expect("tests/oracle/requirements.txt");
+    let environment = Path::new(env!("CARGO_TARGET_TMPDIR")).join("../oracle-venv");
+    let (python, stamp) = (environment.join("bin/python"), environment.join("installed.txt"));
+    if fs::read_to_string(&stamp).is_ok_and(|installed| installed == wanted) {
+        return python;
+    }
+    run(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&environment));
+    run(Command::new(&python)
+        .args(["-m", "pip", "install", "--quiet", "--no-deps", "--requirement"])
+        .arg(&requirements));
+    fs::write(&stamp, wanted).expect("the environment is writable");
+    python
+}
+
+fn run(command: &mut Command) -> String {
+    let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{command:?}:\n{said}");
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+/// What was calculated without us about one case.
+struct Independent {
+    estimates: Vec<Value>,
+    names: BTreeMap<String, Vec<String>>,
+    required: Vec<(String, String)>,
+}
+
+fn text(value: &Value) -> String {
+    value.as_str().unwrap_or_default().to_owned()
+}
+
+fn independent(case: &Value) -> Independent {
+    let list = |value: &Value| value.as_array().cloned().unwrap_or_default();
+    let names = case["names"].as_object().into_iter().flatten();
+    Independent {
+        estimates: list(&case["estimates"]),
+        names: names
+            .map(|(sensor, effects)| (sensor.clone(), list(effects).iter().map(text).collect()))
+            .collect(),
+        required: list(&case["required"]).iter().map(|pair| (text(&pair[0]), text(&pair[1]))).collect(),
+    }
+}
+
+/// Factor from `unit` to SI (temperatures and ratios as they are); a quotient is one of its parts.
+fn in_si(unit: &str) -> Option<f64> {
+    let degree = std::f64::consts::PI / 180.0;
+    let units = [
+        ("rad/s", 1.0),
+        ("deg/s", degree),
+        ("deg/h", degree / 3600.0),
+        ("m/s^2", 1.0),
+        ("mm/s^2", 1e-3),
+        ("mg", 9.80665e-3),
+        ("ug", 9.80665e-6),
+        ("g", 9.80665),
+        ("m/s", 1.0),
+        ("ppm", 1e-6),
+        ("arcsec", degree / 3600.0),
+        ("mrad", 1e-3),
+        ("rad", 1.0),
+        ("deg", degree),
+        ("g^2", 9.80665 * 9.80665),
+        ("K^2", 1.0),
+        ("K", 1.0),
+        ("Hz", 1.0),
+        ("sqrt(s", 1.0),
+        ("ms", 1e-3),
+        ("s", 1.0),
+        ("h", 3600.0),
+        ("m", 1.0),
+        ("1", 1.0),
+        ("", 1.0),
+    ];
+    let unit = unit.trim_start_matches('(').trim_end_matches(')');
+    let whole = |unit: &str| units.iter().find(|(name, _)| *name == unit).map(|&(_, factor)| factor);
+    whole(unit).or_else(|| {
+        // From the right: in deg/h/(K/h) the numerator is deg/h.
+        unit.rmatch_indices('/')
+            .find_map(|(slash, _)| Some(whole(&unit[..slash])? / in_si(&unit[slash + 1..])?))
+    })
+}
+
+/// The finding's word of the name, e.g. which column or axis.
+fn word<'f>(finding: &'f Finding, name: &str) -> Option<&'f str> {
+    finding.parameters.iter().find(|parameter| parameter.name == name)?.text.as_deref()
+}
+
+/// Distance in combined standard deviations to the nearest independent estimate of the same parameter.
+fn distance(independent: &Independent, finding: &Finding, parameter: &Parameter) -> Option<f64> {
+    let (value, sigma, unit) = (parameter.value?, parameter.sigma?, in_si(parameter.unit.as_deref()?)?);
+    let same = independent.estimates.iter().filter(|estimate| {
+        estimate["sensor"] == finding.sensor.as_str()
+            && estimate["effect"] == finding.effect.as_str()
+            && estimate["parameter"] == parameter.name.as_str()
+            && ["axis", "column"].iter().all(|key| match (estimate[*key].as_str(), word(finding, key)) {
+                (Some(theirs), Some(ours)) => theirs == ours,
+                _ => true,
+            })
+    });
+    let distances = same.filter_map(|estimate| {
+        let factor = in_si(estimate["unit"].as_str()?)?;
+        let (theirs, spread) = (estimate["value"].as_f64()? * factor, estimate["sigma"].as_f64()? * factor);
+        Some((value * unit - theirs).abs() / (sigma * unit).hypot(spread))
+    });
+    distances.min_by(f64::total_cmp)
+}
+
+fn described(independent: &Independent, finding: &Finding) -> String {
+    let mut line = format!("{} {}", finding.sensor, finding.effect);
+    if finding.class.len() > 1 {
+        let _ = write!(line, " [{}]", finding.class.join(", "));
+    }
+    for parameter in &finding.parameters {
+        let unit = parameter.unit.as_deref().unwrap_or_default();
+        match (parameter.value, &parameter.text) {
+            (Some(value), _) => {
+                let sigma = parameter.sigma.unwrap_or(f64::NAN);
+                let _ = write!(line, ", {} {value:.4e} ± {sigma:.1e} {unit}", parameter.name);
+                if let Some(distance) = distance(independent, finding, parameter) {
+                    let _ = write!(line, " ({distance:.1} σ from the independent value)");
+                }
+            }
+            (None, Some(text)) => {
+                let _ = write!(line, ", {} {text}", parameter.name);
+            }
+            (None, None) => {}
+        }
+    }
+    let [from, to] = finding.interval_s;
+    let _ = write!(line, "; {from:.0} to {to:.0} s, {:.1} nats", finding.evidence.gain_nats);
+    line
+}
+
+/// Coloured noise has other values in another structure, and another line is another finding, not another value.
+fn comparable(finding: &Finding, parameter: &Parameter) -> bool {
+    let coloured = finding.effect.starts_with("noise_") && finding.effect != "noise_white";
+    !coloured && parameter.name != "frequency_hz"
+}
+
+/// Where explanation and calculation differ.
+fn disagreements(case: &str, independent: &Independent, explanation: &Explanation) -> Vec<String> {
+    let mut wrong = Vec::new();
+    for finding in &explanation.findings {
+        let right = independent.names.get(&finding.sensor);
+        if !finding.class.iter().any(|effect| right.is_some_and(|names| names.contains(effect))) {
+            wrong.push(format!("{case}: WRONG NAME: {}", described(independent, finding)));
+        }
+        for parameter in finding.parameters.iter().filter(|parameter| comparable(finding, parameter)) {
+            if distance(independent, finding, parameter).is_some_and(|distance| distance > LARGEST_DISTANCE) {
+                let name = &parameter.name;
+                wrong.push(format!("{case}: OTHER VALUE of {name}: {}", described(independent, finding)));
+            }
+        }
+    }
+    for (sensor, effect) in &independent.required {
+        // Several names for what cannot be told apart, e.g. a line and a narrow band of noise.
+        let named =
+            |finding: &Finding| effect.split('|').any(|name| finding.class.iter().any(|id| id == name));
+        let found = |finding: &Finding| finding.sensor == *sensor && named(finding);
+        if !explanation.findings.iter().any(found) {
+            wrong.push(format!("{case}: MISSING: {sensor} {effect}"));
+        }
+    }
+    wrong
+}
+
+/// Explains every case that `script` calculated, prints the table and what differs.
+fn check(script: &str) {
+    let Some(root) = recordings() else { return };
+    let (python, folder) = (python(), Path::new(env!("CARGO_TARGET_TMPDIR")).join("real-cases").join(script));
+    let of = |name: &str| {
+        let mut command = Command::new(&python);
+        command.arg(project().join("tests/real").join(format!("{name}.py"))).env("SCHULER_DATA", &root);
+        command
+    };
+    run(of("make_cases").arg(&folder));
+    let answer = run(of(script).arg(&folder));
+    let answer: Value = serde_json::from_str(&answer).expect("the script prints JSON");
+    let mut wrong = Vec::new();
+    for (case, calculated) in answer["cases"].as_object().into_iter().flatten() {
+        let independent = independent(calculated);
+        let beside = root.join(format!("{case}.toml"));
+        let path = if beside.exists() { beside } else { folder.join(format!("{case}.toml")) };
+        let recording = Recording::read(&path).unwrap_or_else(|error| panic!("{error:#}"));
+        let start = Instant::now();
+        let explanation = explain(&recording, &Options::default());
+        let explanation = explanation.unwrap_or_else(|error| panic!("{case}: {error}"));
+        let held_out = explanation.fit.held_out;
+        println!(
+            "\n{case}: {:?}; held-out gain {:.3} nats per sample; {:.1} s",
+            explanation.verdict,
+            held_out.before.nll_per_sample - held_out.after.nll_per_sample,
+            start.elapsed().as_secs_f64()
+        );
+        for finding in &explanation.findings {
+            println!("    {}", described(&independent, finding));
+        }
+        if let Some(remainder) = &explanation.remainder {
+            println!("    remains: {}: {}", remainder.sensor, remainder.what);
+        }
+        for remark in calculated["remarks"].as_array().into_iter().flatten() {
+            println!("    independently: {}", text(remark));
+        }
+        wrong.extend(disagreements(case, &independent, &explanation));
+    }
+    assert!(wrong.is_empty(), "explanation and calculation differ:\n{}", wrong.join("\n"));
+}
+
+#[test]
+fn an_underwater_vehicles_doppler_log() {
+    check("doppler");
+}
+
+#[test]
+fn a_quartz_gravimeter() {
+    check("gravimeter");
+}
+
+#[test]
+fn a_static_mems_unit() {
+    check("static_mems");
+}
+
+#[test]
+fn an_array_of_gyros() {
+    check("gyro_array");
+}
+
+#[test]
+fn a_thermal_ramp_and_a_unit_in_the_cold_and_in_the_heat() {
+    check("thermal");
+}
+
+#[test]
+fn units_beside_a_reference_of_motion() {
+    check("motion");
+}
+
+#[test]
+fn a_unit_in_six_poses() {
+    check("poses");
+}
