@@ -5,19 +5,29 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64;
 use schuler_core::health::{HealthConfig, HealthMonitor};
+use schuler_core::identification::{Method, NoiseEstimate};
 use schuler_core::reading::Reading;
-use schuler_core::thermal::{TemperatureRate, TemperatureRateConfig};
-use schuler_recording::Error;
+use schuler_core::thermal::{Compensator, TemperatureRate, TemperatureRateConfig, ThermalState};
+use schuler_explain::calibration::Calibration;
+use schuler_recording::{Error, Recording};
 use serde::Serialize;
 
 use super::session::Session;
-use super::{Failure, calibrate, compare_isolation, demo};
+use super::{Failure, calibrate, compare_isolation, demo, fly, simulate};
 use crate::calibration_table::scenario::CalibrationScenario;
+use crate::calibration_table::{CalibrationTable, CycleRecord, Programme, TableRecord, TriadErrors};
 use crate::compare_isolation::{ComparisonError, IsolationComparison, compare_isolation_watched};
-use crate::plot::{Colour, Figure, Format, Panel};
+use crate::flight::{self, Flown, LoopTruth, On};
+use crate::identify::{self, identify};
+use crate::physics::random::Process;
+use crate::plot::{Colour, Figure, Format, Layer, Panel};
+use crate::scenario::ScenarioFile;
+use crate::simulation::CASE;
 
 /// The run that is calibrated.
 const CALIBRATION: &str = include_str!("../../scenarios/calibration_run.toml");
+/// Two gyros whose drift differs in structure.
+const GYRO_NOISE: &str = include_str!("../../scenarios/gyro_noise.toml");
 /// Figures of the demonstration that are kept, and under which name.
 const OF_THE_DEMO: [(&str, &str); 3] = [
     ("before_and_after.png", "before_and_after.png"),
@@ -49,14 +59,22 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
     for (name, as_name) in OF_THE_DEMO {
         files.push(kept(&made, name, out, as_name)?);
     }
+    files.extend(published_loop(&made.join(CASE), session)?.write(out, "published_loop", &[Format::Png])?);
+
+    let noise = temporary.path().join("noise");
+    for (name, figure) in structure_and_noise(&noise, session)? {
+        files.extend(figure.write(out, name, &[Format::Png])?);
+    }
 
     let run = temporary.path().join("run");
     let (scenario, _) = CalibrationScenario::parse("calibration_run.toml".as_ref(), CALIBRATION)?;
     let (written, _) = scenario.simulated(|_| Ok(()))?.write(&run)?;
     let made = temporary.path().join("calibration");
-    calibrate::made(&calibrate::Arguments::into_directory(&written.case, &made), session)?;
+    let (_, calibration) =
+        calibrate::made(&calibrate::Arguments::into_directory(&written.case, &made), session)?;
     files.push(kept(&made, "coefficients.png", out, "calibration_coefficients.png")?);
     files.push(kept(&made, "run.png", out, "calibration_run.png")?);
+    files.extend(compensation(&scenario, &calibration)?.write(out, "compensation", &[Format::Png])?);
 
     let comparison = IsolationComparison::default();
     let all = comparison.trials * comparison.faults.len() as u64;
@@ -86,6 +104,211 @@ fn kept(from: &Path, name: &str, to: &Path, as_name: &str) -> Result<PathBuf, Fa
     let path = to.join(as_name);
     crate::output::write(&path, &bytes)?;
     Ok(path)
+}
+
+/// The demonstration's flight, retuned by the published loop and by maximum likelihood.
+fn published_loop(case: &Path, session: &Session) -> Result<Figure, Failure> {
+    let recording = Recording::read(case)?;
+    let planned = flight::plan(&recording).map_err(|problem| Error::one(case, problem))?;
+    let channel = planned.into_iter().next().ok_or_else(|| anyhow::anyhow!("nothing to fly"))?;
+    let truth = LoopTruth::beside(case, &channel.name, &channel.time_s)?
+        .ok_or_else(|| anyhow::anyhow!("the simulation has left no truth"))?;
+    let fly = |method: Method| {
+        let mut channel = channel.clone();
+        channel.config.identification.method = method;
+        fly::flown(channel, On::Host, case, session)
+    };
+    let flights = [
+        ("published loop", fly(Method::Published)?, Colour::Red),
+        ("maximum likelihood", fly(Method::Likelihood)?, Colour::Blue),
+    ];
+    // Of the simulated errors over the whole flight; both are without mean.
+    let rms = |values: &[f64]| {
+        let known: Vec<f64> = values.iter().filter(|v| v.is_finite()).map(|v| v * v).collect();
+        (known.iter().sum::<f64>() / known.len() as f64).sqrt()
+    };
+    let [_, _, accelerometer, gyro] = &truth.states;
+    let sensors: [(&str, f64, fn(&Flown) -> Vec<&NoiseEstimate>); 2] = [
+        ("accelerometer", rms(accelerometer), |f| {
+            f.outputs.iter().map(|o| &o.identification.accelerometer).collect()
+        }),
+        ("gyro", rms(gyro), |f| f.outputs.iter().map(|o| &o.identification.gyro).collect()),
+    ];
+    let mut panels = Vec::new();
+    for (sensor, simulated, in_use) in sensors {
+        let mut panel = Panel::new("time, h", &format!("log₁₀ σ/truth, {sensor}")).with(Layer::Horizontal {
+            label: "rms of the simulated error".to_owned(),
+            y: 0.0,
+            colour: Colour::Grey,
+        });
+        for (label, flown, colour) in &flights {
+            let ratio =
+                in_use(flown).iter().map(|n| (f64::from(n.noise.sigma) / simulated).log10()).collect();
+            panel = panel.line(label, &flight::figures::hours(flown), ratio, *colour);
+        }
+        panels.push(panel);
+    }
+    for (label, flown, _) in &flights {
+        let panel = flight::figures::tilt_error(flown, &truth, &format!("{label}, arc seconds"));
+        panels.push(Panel { y_range: Some((-100.0, 100.0)), ..panel });
+    }
+    Ok(Figure {
+        title: "Noise in use and error of the vertical: the published loop beside maximum likelihood"
+            .to_owned(),
+        panels,
+    })
+}
+
+/// What `identify` finds of two gyros, one with exponential drift, the other with an exponential-cosine one:
+/// autocorrelations, with what was simulated, and Allan deviations.
+fn structure_and_noise(directory: &Path, session: &Session) -> Result<[(&'static str, Figure); 2], Failure> {
+    let scenario = ScenarioFile::parse("gyro_noise.toml".as_ref(), GYRO_NOISE)?.scenario;
+    let written = simulate::simulated(&scenario, session)?.write(directory)?;
+    let recording = Recording::read(&written.case)?;
+    let found = identify(&recording, identify::Options { longest_lag: 360 }, |_| ());
+    let (mut structure, mut noise) = (Vec::new(), Vec::new());
+    for ((sensor, gyro), (_, figure)) in
+        found.sensors.iter().zip(&scenario.gyros).zip(identify::figures::all(&found))
+    {
+        let [mut allan, mut autocorrelation] = <[Panel; 2]>::try_from(figure.panels)
+            .map_err(|_| anyhow::anyhow!("the identification has other figures"))?;
+        let simulated = &gyro.design.readout[0];
+        let lags: Vec<f64> =
+            (1..sensor.autocorrelation.correlation.len()).map(|k| k as f64 * scenario.step_s).collect();
+        let total = |variance: f64| variance + simulated.white * simulated.white / scenario.step_s;
+        let truth = lags.iter().map(|lag| match simulated.drift.first() {
+            Some(Process::Markov { sigma, tau_s }) => {
+                sigma * sigma / total(sigma * sigma) * (-lag / tau_s).exp()
+            }
+            Some(Process::ExponentialCosine { sigma, alpha, beta }) => {
+                sigma * sigma / total(sigma * sigma) * (-alpha * lag).exp() * (beta * lag).cos()
+            }
+            _ => f64::NAN,
+        });
+        autocorrelation = autocorrelation.line("simulated", &lags, truth.collect(), Colour::Red);
+        let name = sensor.id.replace('_', "-");
+        let chosen = sensor.structure.models.first().map_or("nothing", |model| model.name.as_str());
+        autocorrelation.y_label = format!("autocorrelation, {name}");
+        autocorrelation.x_label = format!("lag, s; chosen: {chosen}");
+        allan.y_label = format!("log₁₀ of Allan dev., °/h: {name}");
+        structure.push(autocorrelation);
+        noise.push(allan);
+    }
+    let figure = |title: &str, panels| Figure { title: title.to_owned(), panels };
+    Ok([
+        ("structure", figure("Structure of the drift of two gyros over 40 h", structure)),
+        ("noise", figure("Allan deviation of two gyros over 40 h", noise)),
+    ])
+}
+
+/// Errors of a gyro and an accelerometer on a second run, in another course of temperature, as measured and after
+/// compensation with the block of the calibration and a thermometer in real time.
+fn compensation(scenario: &CalibrationScenario, calibration: &Calibration) -> Result<Figure, Failure> {
+    const SEED: u64 = 77;
+    const PROGRAMME: Programme = Programme::UpAndDown { low: 15.0, high: 50.0, period_s: 9000.0, load: 3.0 };
+    /// The axis that is shown.
+    const AXIS: usize = 0;
+    let refused = |error| Failure::Other(anyhow::anyhow!("{error}"));
+    let table = CalibrationTable { programme: PROGRAMME, ..scenario.drawn() };
+    let record = table.run(SEED);
+    // The same run by sensors without fault or noise: what there was to be measured.
+    let faultless = CalibrationTable {
+        gyro: TriadErrors::default(),
+        accelerometer: TriadErrors::default(),
+        angle_random_walk: 0.0,
+        force_noise: 0.0,
+        ..table
+    };
+    let truth = faultless.run(SEED);
+
+    let compensator = Compensator::try_build(&calibration.compensation_block()).map_err(refused)?;
+    let config = TemperatureRateConfig::of_quantum(scenario.step_k as f32);
+    let mut thermometer = TemperatureRate::<f32>::try_build(&config).map_err(refused)?;
+    let readings = record.thermometer(scenario.step_k, scenario.white_k, SEED);
+    let corrections: Vec<_> = readings
+        .iter()
+        .enumerate()
+        .map(|(second, reading)| {
+            let output = thermometer.step(1000 * second as u64, &Reading::good(*reading as f32));
+            compensator.correction(&ThermalState::from(&output))
+        })
+        .collect();
+
+    // A rotation there and back, with both dwells: within it the rates cancel out, and the noise is small.
+    let period_s = (2.0 * (table.rotation_s + table.dwell_s)) as usize;
+    let mean_of = |of: fn(&CycleRecord) -> &Vec<[f64; 3]>,
+                   corrected: &dyn Fn(usize, [f64; 3]) -> [f64; 3]|
+     -> (Vec<f64>, Vec<f64>, Vec<f64>) {
+        let (mut hours, mut before, mut after) = (Vec::new(), Vec::new(), Vec::new());
+        let samples = table.samples_per_second;
+        for (cycle, true_cycle) in record.cycles.iter().zip(&truth.cycles) {
+            let pairs: Vec<_> = of(cycle).iter().zip(of(true_cycle)).enumerate().collect();
+            for (k, period) in pairs.chunks_exact(period_s * samples).enumerate() {
+                let mean = |error: &dyn Fn(usize, &[f64; 3], &[f64; 3]) -> f64| {
+                    period.iter().map(|(i, (m, t))| error(*i, m, t)).sum::<f64>() / period.len() as f64
+                };
+                hours.push((cycle.began_s as f64 + (k as f64 + 0.5) * period_s as f64) / 3600.0);
+                before.push(mean(&|_, measured, truth| measured[AXIS] - truth[AXIS]));
+                after.push(mean(&|i, measured, truth| {
+                    corrected(cycle.began_s + i / samples, *measured)[AXIS] - truth[AXIS]
+                }));
+            }
+            for values in [&mut hours, &mut before, &mut after] {
+                values.push(f64::NAN);
+            }
+        }
+        (hours, before, after)
+    };
+    let gyro = mean_of(|cycle| &cycle.rate, &|second, m| corrections[second].rate(m));
+    let accelerometer =
+        mean_of(|cycle| &cycle.specific_force, &|second, m| corrections[second].specific_force(m));
+
+    let mut panels = vec![temperature_panel(&record, &readings)];
+    let root = (period_s as f64).sqrt();
+    let shown = [
+        ("gyro error, °/h", gyro, 3600.0_f64.to_degrees(), table.angle_random_walk),
+        ("accelerometer error, mm/s²", accelerometer, 1000.0, table.force_noise),
+    ];
+    for (label, (hours, before, after), factor, white) in shown {
+        let scaled = |values: &[f64]| values.iter().map(|v| v * factor).collect::<Vec<f64>>();
+        panels.push(
+            Panel::new("time, h", label).line("as measured", &hours, scaled(&before), Colour::Orange).line(
+                "compensated",
+                &hours,
+                scaled(&after),
+                Colour::Blue,
+            ),
+        );
+        let noise = vec![3.0 * white / root * factor; hours.len()];
+        panels.push(
+            Panel::new("time, h", label)
+                .band(
+                    "noise of the mean, ±3σ",
+                    &hours,
+                    noise.iter().map(|v| -v).collect(),
+                    noise,
+                    Colour::Sky,
+                )
+                .line("compensated", &hours, scaled(&after), Colour::Blue),
+        );
+    }
+    Ok(Figure {
+        title: format!(
+            "Compensation on another run than the calibrated one (x axis, means over {period_s} s)"
+        ),
+        panels,
+    })
+}
+
+fn temperature_panel(record: &TableRecord, readings: &[f64]) -> Panel {
+    let hours: Vec<f64> = (0..readings.len()).map(|second| second as f64 / 3600.0).collect();
+    let truth = record.temperature.iter().map(|t| t.temperature).collect();
+    Panel::new("time, h", "temperature, °C").line("thermometer", &hours, readings.to_vec(), Colour::Sky).line(
+        "truth",
+        &hours,
+        truth,
+        Colour::Black,
+    )
 }
 
 /// Temperature and rate from a coarse thermometer in a chamber that goes up and down, against the truth.
