@@ -19,62 +19,65 @@ def main():
     report = Report("gyro_array")
     for experiment in ["exp1", "exp3"]:
         table = pd.read_csv(DATA / f"gyro_array/{experiment}.csv.gz")
-        counts = {
-            kind: np.stack([table[[f"{kind}{unit}_{a}_lsb" for a in "xyz"]].to_numpy(float) for unit in range(1, 9)], 1)
-            for kind in ["gyro", "acc"]
-        }
-        saturated = np.abs(counts["gyro"]) >= LIMIT
-        board = {kind: values.copy() for kind, values in counts.items()}
-        for values in board.values():
-            values[:, 1::2] = values[:, 1::2] @ TURNED
-        rows = table.t_s.to_numpy() < 480.0
-        time = table.t_s.to_numpy()[rows]
-        gyro, force = board["gyro"][rows] / 16.4, board["acc"][rows].mean(axis=1) / 2048
-        rate = gyro.mean(axis=1)
-        X = np.column_stack([np.ones(len(time)), rate, force, np.gradient(rate, time, axis=0)])
-        fits = [[Fit([(gyro[:, unit, axis] - rate[:, axis], X)], ORDER) for axis in range(3)] for unit in range(8)]
-        coefficients = np.array([[fit.coefficients for fit in unit] for unit in fits])
-        sigmas = np.array([[fit.sigmas for fit in unit] for unit in fits])
-        common = coefficients.std(axis=0, ddof=1) / np.sqrt(8)
-        g_sensitivity = np.abs(coefficients[:, :, 4:7])
-        delays = np.abs(coefficients[:, :, 7:10])
-        poses, whole = f"gyro_array/{experiment}_poses", f"gyro_array/{experiment}_whole"
-        report.remark(poses, f"largest dependence on specific force {g_sensitivity.max():.3f} deg/s/g, on angular "
-                      f"acceleration {1e3 * delays.max():.2f} ms; scale factors apart by "
-                      f"{100 * np.ptp(coefficients[:, [0, 1, 2], [1, 2, 3]]):.2f} %")
-        for unit in range(8):
-            for axis in range(3):
-                # Of unit's own axis that lies along the board's axis; a turned unit's x and y are exchanged.
-                own = {0: 1, 1: 0, 2: 2}[axis] if unit % 2 else axis
-                sign = -1.0 if unit % 2 else 1.0
-                name = f"gyro{unit + 1}_{'xyz'[own]}"
-                value, sigma = coefficients[unit, axis], np.hypot(sigmas[unit, axis], common[axis])
-                likely = 0.5 * (value / sigmas[unit, axis]) ** 2
-                # The reading is along the turned axis: its bias has the other sign, its scale factor the same.
-                report.estimate(poses, name, "bias_constant", "coefficient", sign * value[0], sigma[0], "deg/s", likely[0])
-                for j in range(3):
-                    if j == axis:
-                        report.estimate(poses, name, "scale_factor", "coefficient", 1e6 * value[1 + j],
-                                        1e6 * sigma[1 + j], "ppm", likely[1 + j])
-                    else:
-                        report.estimate(poses, name, "misalignment", "coefficient", sign * value[1 + j], sigma[1 + j],
-                                        "rad", likely[1 + j], axis="xyz"[j])
-                for case in (poses, whole):
-                    report.allow(case, name, "bias_constant", "scale_factor", "misalignment", "noise_white", "noise_markov",
-                                 "noise_random_walk", "noise_flicker", "noise_variance_step", "noise_exp_cos", "bias_step",
-                                 "bias_drift_linear", "bias_warmup", "noise_angle_quantisation", "quantisation")
-                    report.allow(case, f"unit_{unit + 1}", "misalignment", "scale_factor")
-                hits = saturated[:, unit, own]
-                if hits.any():
-                    first, last = table.t_s[hits].iloc[[0, -1]]
-                    report.estimate(whole, name, "output_saturated", "limit", LIMIT / 16.4, 0.1, "deg/s", gain=float(hits.sum()),
-                                    rows=int(hits.sum()), interval_s=[float(first), float(last)])
-                    report.require(whole, name, "output_saturated")
-                    # Fast motion shows what is proportional to rates squared, changes of rate, and timing.
-                    report.allow(whole, name, "time_delay", "bandwidth_lag", "angular_acceleration", "scale_factor_quadratic",
-                                 "scale_factor_cubic", "scale_factor_odd_quadratic", "scale_factor_asymmetry", "noise_outliers")
-                    report.allow(whole, f"unit_{unit + 1}", "time_delay", "bandwidth_lag")
+        for units in (8, 3):
+            examine(report, experiment, table, units)
     report.print()
+
+
+def examine(report, experiment, table, units):
+    counts = {
+        kind: np.stack([table[[f"{kind}{k}_{a}_lsb" for a in "xyz"]].to_numpy(float) for k in range(1, units + 1)], 1)
+        for kind in ["gyro", "acc"]
+    }
+    saturated = np.abs(counts["gyro"]) >= LIMIT
+    board = {kind: values.copy() for kind, values in counts.items()}
+    for values in board.values():
+        values[:, 1::2] = values[:, 1::2] @ TURNED
+    rows = table.t_s.to_numpy() < 480.0
+    time = table.t_s.to_numpy()[rows]
+    gyro, force = board["gyro"][rows] / 16.4, board["acc"][rows].mean(axis=1) / 2048
+    rate = gyro.mean(axis=1)
+    X = np.column_stack([np.ones(len(time)), rate, force, np.gradient(rate, time, axis=0)])
+    fits = [[Fit([(gyro[:, unit, axis] - rate[:, axis], X)], ORDER) for axis in range(3)] for unit in range(units)]
+    coefficients = np.array([[fit.coefficients for fit in unit] for unit in fits])
+    sigmas = np.array([[fit.sigmas for fit in unit] for unit in fits])
+    common = coefficients.std(axis=0, ddof=1) / np.sqrt(units)
+    poses, whole = (f"gyro_array/{experiment}_{part}_{units}_units" for part in ("poses", "whole"))
+    report.remark(poses, f"largest dependence on specific force {np.abs(coefficients[:, :, 4:7]).max():.3f} deg/s/g, on angular "
+                  f"acceleration {1e3 * np.abs(coefficients[:, :, 7:10]).max():.2f} ms; scale factors apart by "
+                  f"{100 * np.ptp(coefficients[:, [0, 1, 2], [1, 2, 3]]):.2f} %")
+    for unit in range(units):
+        for axis in range(3):
+            # Of unit's own axis that lies along the board's axis; a turned unit's x and y are exchanged.
+            own = {0: 1, 1: 0, 2: 2}[axis] if unit % 2 else axis
+            sign = -1.0 if unit % 2 else 1.0
+            name = f"gyro{unit + 1}_{'xyz'[own]}"
+            value, sigma = coefficients[unit, axis], np.hypot(sigmas[unit, axis], common[axis])
+            likely = 0.5 * (value / sigmas[unit, axis]) ** 2
+            # The reading is along the turned axis: its bias has the other sign, its scale factor the same.
+            report.estimate(poses, name, "bias_constant", "coefficient", sign * value[0], sigma[0], "deg/s", likely[0])
+            for j in range(3):
+                if j == axis:
+                    report.estimate(poses, name, "scale_factor", "coefficient", 1e6 * value[1 + j], 1e6 * sigma[1 + j],
+                                    "ppm", likely[1 + j])
+                else:
+                    report.estimate(poses, name, "misalignment", "coefficient", sign * value[1 + j], sigma[1 + j], "rad",
+                                    likely[1 + j], axis="xyz"[j])
+            for case in (poses, whole):
+                report.allow(case, name, "bias_constant", "scale_factor", "misalignment", "noise_white", "noise_markov",
+                             "noise_random_walk", "noise_flicker", "noise_variance_step", "noise_exp_cos", "noise_outliers",
+                             "bias_step", "bias_drift_linear", "bias_warmup", "noise_angle_quantisation", "quantisation")
+                report.allow(case, f"unit_{unit + 1}", "misalignment", "scale_factor")
+            hits = saturated[:, unit, own]
+            if hits.any():
+                first, last = table.t_s[hits].iloc[[0, -1]]
+                report.estimate(whole, name, "output_saturated", "limit", LIMIT / 16.4, 0.1, "deg/s", gain=float(hits.sum()),
+                                rows=int(hits.sum()), interval_s=[float(first), float(last)])
+                report.require(whole, name, "output_saturated")
+                # Fast motion shows what is proportional to rates squared, changes of rate, and timing.
+                report.allow(whole, name, "time_delay", "bandwidth_lag", "angular_acceleration", "scale_factor_quadratic",
+                             "scale_factor_cubic", "scale_factor_odd_quadratic", "scale_factor_asymmetry")
+                report.allow(whole, f"unit_{unit + 1}", "time_delay", "bandwidth_lag")
 
 
 if __name__ == "__main__":

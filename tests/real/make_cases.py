@@ -100,11 +100,11 @@ def gyro_array():
     turned = np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
     for experiment in ["exp1", "exp3"]:
         counts = pd.read_csv(DATA / f"gyro_array/{experiment}.csv.gz")
-        # The poses before the fast motion, and the whole.
-        for part, end_s in [("poses", 480.0), ("whole", np.inf)]:
+        # The poses before the fast motion, and the whole; all units, and three for tools that check fewer axes at once.
+        for part, end_s, units in [(p, end, n) for n in (8, 3) for p, end in [("poses", 480.0), ("whole", np.inf)]]:
             rows = counts[counts.t_s < end_s]
             table, sensors = {"t_s": rows.t_s}, []
-            for unit in range(1, 9):
+            for unit in range(1, units + 1):
                 axes = turned if unit % 2 == 0 else np.eye(3)
                 for letter, axis in zip("xyz", axes.T):
                     name = f"gyro{unit}_{letter}"
@@ -114,8 +114,8 @@ def gyro_array():
                     sensors.append(
                         sensor(name, "mems_gyro", "deg/s", axis, 0.06, group=f"unit_{unit}", quantisation=1 / 16.4)
                     )
-            title = f"Eight gyro units on one board, {experiment}, {part}"
-            write(f"gyro_array/{experiment}_{part}", title, pd.DataFrame(table), 0.016, {"kind": "unknown"}, sensors)
+            title = f"{units} gyro units on one board, {experiment}, {part}"
+            write(f"gyro_array/{experiment}_{part}_{units}_units", title, pd.DataFrame(table), 0.016, {"kind": "unknown"}, sensors)
 
 
 def thermal_ramp():
