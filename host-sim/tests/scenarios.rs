@@ -1,6 +1,7 @@
 //! The scenarios that come with the simulator: each is read without a warning, runs, and gives a case that reads back.
 use std::path::Path;
 
+use host_sim::calibration_table::scenario::{self, CalibrationScenario};
 use host_sim::flight::{self, LoopTruth, On, Summary};
 use host_sim::scenario::ScenarioFile;
 use host_sim::simulation;
@@ -11,9 +12,16 @@ use schuler_recording::case::Sensor;
 #[test]
 fn every_scenario_runs_and_reads_back() {
     let scenarios = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios");
-    let mut seen = 0;
+    let (mut seen, mut runs) = (0, 0);
     for entry in std::fs::read_dir(scenarios).unwrap() {
         let path = entry.unwrap().path();
+        let text = std::fs::read_to_string(&path).unwrap();
+        if text.contains(scenario::FORMAT) {
+            let (_, warnings) = CalibrationScenario::parse(&path, &text).unwrap();
+            assert!(warnings.is_empty(), "{}: {warnings:?}", path.display());
+            runs += 1;
+            continue;
+        }
         let file = ScenarioFile::read(&path).unwrap();
         assert!(file.warnings.is_empty(), "{}: {:?}", path.display(), file.warnings);
         let mut scenario = file.scenario;
@@ -38,7 +46,8 @@ fn every_scenario_runs_and_reads_back() {
         }
         seen += 1;
     }
-    assert!(seen >= 6, "{seen}");
+    // The calibration runs are made in `tests/calibrate.rs`.
+    assert!(seen >= 6 && runs >= 3, "{seen} and {runs}");
 }
 
 /// The filter that knows the noise of the simulated loop is consistent: the physics and the filter's model, written apart

@@ -4,7 +4,7 @@
 //! | --- | --- | --- |
 //! | static, recorded | one a sensor | output − (1 + scale) · ideal output − bias − temperature dependence |
 //! | unknown | one a dimension | parity vector p = V r with V A = 0, A the sensors' axes [FDI-4] |
-//! | velocity error | the Schuler loop | V_ins − V_ref; states δV, δ and the noise of both inertial sensors [FIL-1] |
+//! | velocity error | the Schuler loop | V_ins − V_ref; states δV, δ and the noise of both inertial sensors [FIL-3] |
 //!
 //! Noise comes from *sources*: one a sensor, and two more for the loop's accelerometer and gyro. Everything is in SI
 //! units.

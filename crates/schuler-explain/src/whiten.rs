@@ -2,7 +2,7 @@
 //!
 //! The covariance half runs once for a model and a pattern of missing rows; a gain that has settled is kept until a
 //! value is missing. Columns then run through the gains several at a time. The map from a column to its whitened
-//! innovations is linear, T; the covariance of the record is (TᵀT)⁻¹ [FIL-whitening], so that the adjoint pass gives
+//! innovations is linear, T; the covariance of the record is (TᵀT)⁻¹, so that the adjoint pass gives
 //! q = TᵀT y = R⁻¹y, the scores of every unit impulse at once.
 //!
 //! Columns of several channels stand channel after channel.

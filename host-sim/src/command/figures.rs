@@ -35,6 +35,11 @@ const OF_THE_DEMO: [(&str, &str); 3] = [
     ("velocity_error_isolation.png", "isolation_in_flight.png"),
 ];
 
+/// Noise that a sensor is flown with, step by step.
+type NoiseInUse = fn(&Flown) -> Vec<&NoiseEstimate>;
+/// Error of a sample, by its place, from the reading and the truth.
+type ErrorAt<'a> = dyn Fn(usize, &[f64; 3], &[f64; 3]) -> f64 + 'a;
+
 /// Where to.
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
@@ -128,7 +133,7 @@ fn published_loop(case: &Path, session: &Session) -> Result<Figure, Failure> {
         (known.iter().sum::<f64>() / known.len() as f64).sqrt()
     };
     let [_, _, accelerometer, gyro] = &truth.states;
-    let sensors: [(&str, f64, fn(&Flown) -> Vec<&NoiseEstimate>); 2] = [
+    let sensors: [(&str, f64, NoiseInUse); 2] = [
         ("accelerometer", rms(accelerometer), |f| {
             f.outputs.iter().map(|o| &o.identification.accelerometer).collect()
         }),
@@ -244,7 +249,7 @@ fn compensation(scenario: &CalibrationScenario, calibration: &Calibration) -> Re
         for (cycle, true_cycle) in record.cycles.iter().zip(&truth.cycles) {
             let pairs: Vec<_> = of(cycle).iter().zip(of(true_cycle)).enumerate().collect();
             for (k, period) in pairs.chunks_exact(period_s * samples).enumerate() {
-                let mean = |error: &dyn Fn(usize, &[f64; 3], &[f64; 3]) -> f64| {
+                let mean = |error: &ErrorAt<'_>| {
                     period.iter().map(|(i, (m, t))| error(*i, m, t)).sum::<f64>() / period.len() as f64
                 };
                 hours.push((cycle.began_s as f64 + (k as f64 + 0.5) * period_s as f64) / 3600.0);

@@ -55,7 +55,7 @@ impl Flight {
         };
         let (gyros, command) = self.gyros.next(random);
         let command = command.map_or(Command::None, Command::ReadmitGyro);
-        StepInput { time_ms, velocity_error, gyros, command }
+        StepInput { time_ms, velocity_error, gyros, command, ..StepInput::default() }
     }
 }
 
