@@ -14,11 +14,13 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use schuler_core::config::ConfigError;
-use schuler_core::module::{FlightModule, ModuleConfig, StepInput, StepOutput};
+use schuler_core::module::{FlightModule, ModuleConfig, StateError, StatePass, StepInput, StepOutput};
 use schuler_link::SOURCE_HASH;
 use schuler_link::block::{self, BlockBytes, BlockError};
 use schuler_link::frame::{Decoder, Frame, FrameError, Wire};
-use schuler_link::message::{Banner, Counters, HostMessage, ModuleMessage, Pace, Refusal};
+use schuler_link::message::{
+    Banner, Counters, HostMessage, ModuleMessage, Pace, Refusal, STATE_PART, StateBytes,
+};
 
 pub use image::{Image, build};
 
@@ -80,6 +82,9 @@ pub enum TargetError {
     /// The bytes are not a compensation block.
     #[error("the compensation block {0}")]
     Block(#[from] BlockError),
+    /// The state cannot be saved, or the bytes are not a state of the module.
+    #[error("the saved state {0}")]
+    State(#[from] StateError),
     /// The module refuses a command.
     #[error("the module refuses: {0:?}")]
     Refused(Box<Refusal>),
@@ -118,6 +123,18 @@ pub trait Target {
     /// The bytes are not a block that can be flown, or the target is out of reach.
     fn load_compensation(&mut self, block: &BlockBytes) -> Result<(), TargetError>;
 
+    /// Saves the state: all that a module of the same configuration needs to go on from here.
+    ///
+    /// # Errors
+    /// There is no configuration yet, or the target is out of reach.
+    fn save(&mut self) -> Result<Vec<u8>, TargetError>;
+
+    /// Goes on from a saved state. The target must have been configured as the one that was saved.
+    ///
+    /// # Errors
+    /// The bytes are not a state of this module, or the target is out of reach.
+    fn restore(&mut self, state: &[u8]) -> Result<(), TargetError>;
+
     /// One step.
     ///
     /// # Errors
@@ -148,8 +165,20 @@ impl Target for HostModule {
     }
 
     fn load_compensation(&mut self, block: &BlockBytes) -> Result<(), TargetError> {
-        let (block, _) = block::decode(block)?;
-        Ok(self.0.load_compensation(&block)?)
+        let (block, checksum) = block::decode(block)?;
+        self.0.load_compensation(&block)?;
+        self.0.name_compensation(checksum);
+        Ok(())
+    }
+
+    fn save(&mut self) -> Result<Vec<u8>, TargetError> {
+        let mut state = vec![0; self.0.state_length()? as usize];
+        self.0.save(&mut state)?;
+        Ok(state)
+    }
+
+    fn restore(&mut self, state: &[u8]) -> Result<(), TargetError> {
+        Ok(self.0.restore(state)?)
     }
 
     fn step(&mut self, input: &StepInput) -> Result<StepOutput, TargetError> {
@@ -472,6 +501,10 @@ impl Emulator {
 
     fn exchange(&mut self, sequence: u32, message: &HostMessage) -> Result<ModuleMessage, TargetError> {
         let question = matches!(message, HostMessage::Counters);
+        let part = match message {
+            HostMessage::ReadState { begin } => Some(*begin),
+            _ => None,
+        };
         let give_up = Instant::now() + GIVE_UP;
         while Instant::now() < give_up {
             self.send(sequence, message)?;
@@ -482,9 +515,13 @@ impl Emulator {
                         return Err(self.restarted(banner));
                     }
                     answer @ ModuleMessage::Counters(_) if question => return Ok(answer),
+                    answer @ ModuleMessage::State { begin, .. } if part == Some(begin) => return Ok(answer),
+                    answer @ ModuleMessage::Refused(Refusal::State(_)) if part.is_some() => {
+                        return Ok(answer);
+                    }
                     // These bear the number of a command without being its answer.
-                    ModuleMessage::Counters(_) | ModuleMessage::Tick(_) => (),
-                    answer if frame.sequence == sequence && !question => return Ok(answer),
+                    ModuleMessage::Counters(_) | ModuleMessage::Tick(_) | ModuleMessage::State { .. } => (),
+                    answer if frame.sequence == sequence && !question && part.is_none() => return Ok(answer),
                     // The answer to something earlier.
                     _ => (),
                 }
@@ -557,6 +594,45 @@ impl Target for Emulator {
             ModuleMessage::CompensationLoaded { .. } => Ok(()),
             other => Err(unexpected(other)),
         }
+    }
+
+    fn save(&mut self) -> Result<Vec<u8>, TargetError> {
+        let (mut state, mut first_step) = (Vec::new(), None);
+        loop {
+            let wanted = state.len() as u32;
+            match self.exchange(self.sequence, &HostMessage::ReadState { begin: wanted })? {
+                ModuleMessage::State { begin, length, step, bytes } if begin == wanted => {
+                    if step != *first_step.get_or_insert(step) {
+                        // It has made a step meanwhile: from the start.
+                        (state, first_step) = (Vec::new(), None);
+                        continue;
+                    }
+                    state.extend_from_slice(&bytes);
+                    if state.len() == length as usize {
+                        return Ok(state);
+                    }
+                }
+                other => return Err(unexpected(other)),
+            }
+        }
+    }
+
+    fn restore(&mut self, state: &[u8]) -> Result<(), TargetError> {
+        for pass in [StatePass::Check, StatePass::Restore] {
+            let mut begin = 0;
+            loop {
+                let rest = state.get(begin as usize..).unwrap_or_default();
+                let bytes: StateBytes = rest.iter().copied().take(STATE_PART).collect();
+                match self.command(&HostMessage::LoadState { pass, begin, bytes })? {
+                    ModuleMessage::StateTaken { next } if next as usize == state.len() => break,
+                    ModuleMessage::StateTaken { next } if next > begin => begin = next,
+                    // The module waits for more than there is.
+                    ModuleMessage::StateTaken { .. } => return Err(StateError::Form.into()),
+                    other => return Err(unexpected(other)),
+                }
+            }
+        }
+        Ok(())
     }
 
     fn step(&mut self, input: &StepInput) -> Result<StepOutput, TargetError> {
@@ -634,6 +710,7 @@ fn unexpected(message: ModuleMessage) -> TargetError {
             problem: problem.as_str().to_owned(),
         },
         ModuleMessage::Refused(Refusal::Block(error)) => TargetError::Block(error),
+        ModuleMessage::Refused(Refusal::State(error)) => TargetError::State(error),
         ModuleMessage::Refused(refusal) => TargetError::Refused(Box::new(refusal)),
         other => TargetError::Unexpected(format!("{other:?}")),
     }

@@ -11,7 +11,7 @@ use host_sim::emulator::Image;
 
 mod common;
 
-/// The counts take half a minute on a machine that has nothing else to do.
+/// The counts take a minute on a machine that has nothing else to do.
 const PATIENCE: Duration = Duration::from_mins(10);
 
 const GOLDEN: &str = "instruction_counts.txt";
@@ -41,32 +41,39 @@ impl Row {
     }
 }
 
-/// What a part may take at most, and by how much it may vary with its data, %.
-///
-/// Single precision has an instruction for every operation: what varies there is the program. Double precision is made of
-/// integer operations whose number depends on the operands (`add, f64` in the table), so that the same program varies by
-/// more than a tenth; its control flow is the same as in single precision, where that shows.
-const BARS: [(&str, u32, f64); 16] = [
+/// 0.2 % of a second at 168 MHz: what the whole step may take.
+const SHARE_OF_A_SECOND: u32 = 168_000_000 / 500;
+
+/// By how much a part may vary with its data, %: in single precision, and where there is double precision in it.
+const VARIATION_BARS: [f64; 2] = [1.0, 5.0];
+
+/// What a part may take at most, a bar; and a variation that it has not had, %: a guard against steps whose work depends on
+/// their data, and no bar. Where [`VARIATION_BARS`] are missed the test says so, and `docs/flight-budget.md` says why.
+const LIMITS: [(&str, u32, f64); 20] = [
     ("filter kernel, f32", 400, 1.0),
     ("filter step, f32", 400, 1.0),
+    ("filter output, f32", 400, 1.0),
+    ("coloured filter step, f32", 1600, 1.0),
     ("filter kernel, f64", 18_000, 25.0),
     ("filter step, f64", 18_000, 25.0),
-    ("coloured filter step, f32", 1000, 1.0),
-    ("filter output, f32", 400, 1.0),
     ("five determinants, f32", 142, 1.0),
-    ("five determinants, f64", 15_000, 15.0),
     ("parity, f32", 142, 1.0),
+    ("five determinants, f64", 15_000, 15.0),
     ("isolation step, f64", 30_000, 20.0),
     ("temperature rate, f32", 17_000, 1.0),
-    ("health monitor, f32", 17_000, 1.1),
-    ("thermal correction: at a temperature, f32", 1000, 7.0),
-    ("thermal correction: rates and forces, f64", 4000, 10.0),
-    ("module step", 200_000, 25.0),
-    ("main loop: a frame with a step, its answer", 400_000, 150.0),
+    ("health monitor, f32", 23_000, 1.0),
+    ("thermal correction: at a temperature, f32", 1500, 1.0),
+    ("thermal correction: rates and forces, f64", 4200, 6.0),
+    ("configuration", 600_000, 1.0),
+    ("module step, no identification", SHARE_OF_A_SECOND, 5.0),
+    ("module step, published loop", SHARE_OF_A_SECOND, 50.0),
+    ("module step", SHARE_OF_A_SECOND, 8.0),
+    ("module step, clocks that jump", SHARE_OF_A_SECOND, 10.0),
+    // Among the frames is one configuration, which takes the most.
+    ("main loop: a frame with a step, its answer", 600_000, 100.0),
 ];
 
 #[test]
-#[ignore = "the counting image does not yet finish with the step's new parts"]
 fn the_instructions_of_every_part_are_as_they_were() {
     if common::skipped("the_instructions_of_every_part_are_as_they_were") {
         return;
@@ -78,11 +85,16 @@ fn the_instructions_of_every_part_are_as_they_were() {
 
     let row =
         |name: &str| rows.iter().find(|row| row.name == name).unwrap_or_else(|| panic!("no count of {name}"));
-    for (name, most, variation) in BARS {
+    for (name, most, guard) in LIMITS {
         let row = row(name);
         assert!(row.most <= most, "{name} takes {} instructions, more than {most}", row.most);
         let percent = 100.0 * row.variation();
-        assert!(percent <= variation, "{name} varies by {percent:.1} %, more than {variation} %");
+        assert!(percent <= guard, "{name} varies by {percent:.1} %, more than it did ({guard} %)");
+        let [single, double] = VARIATION_BARS;
+        let bar = if name.ends_with("f32") { single } else { double };
+        if percent > bar {
+            say!("BAR MISSED: {name} varies by {percent:.1} %, the bar is {bar} %");
+        }
     }
     // Against what others make of the same filter.
     for precision in ["f32", "f64"] {
@@ -137,7 +149,8 @@ fn compiler() -> String {
 
 fn table(rows: &[Row], compiler: &str) -> String {
     let mut text = format!(
-        "# rustc {compiler}\n# Instructions on the emulated Cortex-M4F over inputs with faults, gaps and nonsense; stack in bytes.\n"
+        "# rustc {compiler}\n# Instructions on the emulated Cortex-M4F over inputs with faults, gaps and nonsense; stack in bytes,\n\
+         # without the frame of the one that calls.\n"
     );
     let _ = writeln!(
         text,

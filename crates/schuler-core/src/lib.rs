@@ -30,4 +30,5 @@ pub mod isolation;
 pub mod module;
 mod number;
 pub mod reading;
+mod saved;
 pub mod thermal;

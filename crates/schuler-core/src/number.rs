@@ -1,4 +1,5 @@
 //! Numbers: constants in the scalar of the computation, sums that lose nothing.
+use crate::saved::{Blank, saved};
 use nalgebra::RealField;
 
 /// A constant in the scalar of the computation.
@@ -38,3 +39,5 @@ impl<T: RealField + Copy> CompensatedSum<T> {
         self.sum + self.lost
     }
 }
+
+saved!([T: Blank] CompensatedSum<T> { sum, lost });

@@ -85,6 +85,7 @@ fn write(block: &Block, bytes: &mut BlockBytes) -> Result<(), ()> {
 ///
 /// # Errors
 /// Why the bytes are not a block.
+#[inline(never)] // What it needs of the stack is free again when the block is put to use.
 pub fn decode(bytes: &[u8]) -> Result<(Block, u32), BlockError> {
     let (body, &checksum) = bytes.split_last_chunk::<CHECKSUM>().ok_or(BlockError::Form)?;
     let (&[m0, m1, m2, m3, v0, v1, l0, l1], content) =

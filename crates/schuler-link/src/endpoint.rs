@@ -20,12 +20,13 @@
 //! the newest input; where none has come it runs the step with missing readings, and where the module is not back
 //! in time it says so ([`Tick::overrun`], [`Tick::skipped`]). It holds no clock: times are microseconds since start,
 //! from the caller.
-use schuler_core::module::{FlightModule, StepInput};
+use schuler_core::module::{FlightModule, StateLoader, StatePass, StepInput};
 
 use crate::block::{self, BlockBytes};
 use crate::frame::{Decoder, Frame, FrameError, Wire};
 use crate::message::{
-    Banner, Board, Counters, HostMessage, Identity, ModuleMessage, Pace, Refusal, Start, Tick, Transport,
+    Banner, Board, Counters, HostMessage, Identity, ModuleMessage, Pace, Refusal, STATE_PART, Start,
+    StateBytes, Tick, Transport,
 };
 
 /// Longest period of the clock's pace, ms.
@@ -56,6 +57,8 @@ pub struct Endpoint {
     /// Time of the last step, as the module was told: the base for a step without input, milliseconds.
     time_ms: u64,
     pace: Stepping,
+    /// Of a saved state that comes in parts.
+    loader: StateLoader,
     counters: Counters,
 }
 
@@ -108,6 +111,7 @@ impl Endpoint {
             configured: false,
             time_ms: 0,
             pace: Stepping::Host,
+            loader: StateLoader::new(),
             counters: Counters::NONE,
         }
     }
@@ -137,12 +141,19 @@ impl Endpoint {
         module: &mut FlightModule,
         now_us: impl FnMut() -> u64,
     ) -> Reaction<'_> {
-        match self.decoder.push::<HostMessage>(byte) {
-            Some(Ok(frame)) => self.take(&frame, module, now_us),
+        // By reference: a message is too large to be moved.
+        match &self.decode(byte) {
+            Some(Ok(frame)) => self.take(frame, module, now_us),
             // A host of another version is to learn whom it speaks to; everything else may be noise, and gets no answer.
             Some(Err(FrameError::Version(_))) => Reaction::Send(self.banner()),
             Some(Err(_)) | None => Reaction::None,
         }
+    }
+
+    // Not generic, so that what reads a message is compiled with this crate, for size.
+    #[inline(never)]
+    fn decode(&mut self, byte: u8) -> Option<Result<Frame<HostMessage>, FrameError>> {
+        self.decoder.push::<HostMessage>(byte)
     }
 
     /// At the clock's pace, runs the step that is due. Call often; `Some` is the frame to be sent.
@@ -153,8 +164,9 @@ impl Endpoint {
         let late_us = begin_us.checked_sub(pace.due_us)?;
         let period_us = u64::from(pace.period_ms) * 1000;
         let skipped = late_us.checked_div(period_us)?;
+        // No later than now, but the next one may be beyond the end of the clock.
         let due_us = pace.due_us + skipped * period_us;
-        pace.due_us = due_us + period_us;
+        pace.due_us = due_us.saturating_add(period_us);
 
         let fresh = pace.input.is_some();
         let input = pace.input.take().unwrap_or_else(|| {
@@ -213,6 +225,7 @@ impl Endpoint {
         match message {
             HostMessage::Hello => return self.pass(*sequence, &self.banner_message()),
             HostMessage::Counters => return self.pass(*sequence, &ModuleMessage::Counters(self.counters())),
+            HostMessage::ReadState { begin } => return self.pass_state(*sequence, *begin, module),
             _ => (),
         }
         if let Some(last) = self.last {
@@ -270,6 +283,7 @@ impl Endpoint {
                 ModuleMessage::Refused(Refusal::NotConfigured)
             }
             HostMessage::LoadCompensation(bytes) => self.load_compensation(bytes, module),
+            HostMessage::LoadState { pass, begin, bytes } => self.load_state(*pass, *begin, bytes, module),
             HostMessage::Step(input) => {
                 if let Some(clock) = self.pace.clock() {
                     let superseded = clock.input.replace(*input).is_some();
@@ -284,21 +298,64 @@ impl Endpoint {
                 ModuleMessage::Output(output)
             }
             HostMessage::SetPace(pace) => self.set_pace(*pace, now_us()),
-            HostMessage::Hello | HostMessage::Counters | HostMessage::Reset => return None,
+            HostMessage::Hello
+            | HostMessage::Counters
+            | HostMessage::ReadState { .. }
+            | HostMessage::Reset => return None,
         })
     }
 
     #[inline(never)]
     fn load_compensation(&mut self, bytes: &BlockBytes, module: &mut FlightModule) -> ModuleMessage {
-        match block::decode(bytes) {
-            Ok((block, checksum)) => match module.load_compensation(&block) {
+        // By reference: a block is too large to be moved.
+        match &block::decode(bytes) {
+            Ok((block, checksum)) => match module.load_compensation(block) {
                 Ok(()) => {
-                    self.counters.compensation = Some(checksum);
-                    ModuleMessage::CompensationLoaded { checksum }
+                    module.name_compensation(*checksum);
+                    self.counters.compensation = Some(*checksum);
+                    ModuleMessage::CompensationLoaded { checksum: *checksum }
                 }
                 Err(error) => ModuleMessage::Refused(error.into()),
             },
-            Err(error) => ModuleMessage::Refused(Refusal::Block(error)),
+            Err(error) => ModuleMessage::Refused(Refusal::Block(*error)),
+        }
+    }
+
+    /// Answers with a part of the state.
+    #[inline(never)]
+    fn pass_state(&mut self, sequence: u32, begin: u32, module: &mut FlightModule) -> Reaction<'_> {
+        let mut bytes = StateBytes::new();
+        // It fits.
+        let _ = bytes.resize(STATE_PART, 0);
+        let part = module.state_length().and_then(|length| {
+            let written = module.save_part(begin, &mut bytes)?;
+            bytes.truncate(written);
+            Ok(ModuleMessage::State { begin, length, step: module.steps(), bytes })
+        });
+        let message = part.unwrap_or_else(|error| ModuleMessage::Refused(Refusal::State(error)));
+        self.pass(sequence, &message)
+    }
+
+    /// Takes a part of a saved state. While the module is not whole, it counts as not configured.
+    #[inline(never)]
+    fn load_state(
+        &mut self,
+        pass: StatePass,
+        begin: u32,
+        bytes: &StateBytes,
+        module: &mut FlightModule,
+    ) -> ModuleMessage {
+        let result = self.loader.take(module, pass, begin, bytes);
+        let length = module.state_length();
+        self.configured = length.is_ok();
+        if pass == StatePass::Restore && (length.is_err() || length == result) {
+            self.time_ms = module.last_time_ms().unwrap_or(0);
+            self.pace = Stepping::Host;
+            self.counters.compensation = module.compensation_name();
+        }
+        match result {
+            Ok(next) => ModuleMessage::StateTaken { next },
+            Err(error) => ModuleMessage::Refused(Refusal::State(error)),
         }
     }
 
@@ -365,7 +422,7 @@ mod tests {
     use proptest::prelude::*;
     use schuler_core::compensation::{Block, Factor, Target, Term};
     use schuler_core::config::{ConfigError, Problem};
-    use schuler_core::module::ModuleConfig;
+    use schuler_core::module::{ModuleConfig, StateError};
 
     use super::*;
     use crate::block::BlockError;
@@ -452,6 +509,98 @@ mod tests {
             Some(ModuleMessage::Output(output)) => output.step,
             other => panic!("{other:?}"),
         }
+    }
+
+    fn read_state(rig: &mut Rig) -> Vec<u8> {
+        let mut state = Vec::new();
+        loop {
+            let begin = state.len() as u32;
+            match rig.say(0, &HostMessage::ReadState { begin }) {
+                Some(ModuleMessage::State { begin: answered, length, bytes, .. }) => {
+                    assert_eq!(answered, begin);
+                    state.extend_from_slice(&bytes);
+                    if bytes.is_empty() {
+                        assert_eq!(state.len(), length as usize);
+                        return state;
+                    }
+                }
+                other => panic!("{other:?}"),
+            }
+        }
+    }
+
+    fn load_state(rig: &mut Rig, sequence: &mut u32, pass: StatePass, state: &[u8]) -> Option<ModuleMessage> {
+        let mut begin = 0;
+        loop {
+            let bytes = state[begin as usize..].iter().copied().take(STATE_PART).collect();
+            *sequence += 1;
+            match rig.say(*sequence, &HostMessage::LoadState { pass, begin, bytes }) {
+                Some(ModuleMessage::StateTaken { next }) if (next as usize) < state.len() => begin = next,
+                answer => return answer,
+            }
+        }
+    }
+
+    /// Reading is a question and changes nothing; what was read is brought back in a module that starts anew, with the
+    /// block in force and the time.
+    #[test]
+    fn a_state_is_read_and_loaded() {
+        let mut rig = Rig::configured();
+        let bytes = block::encode(&Block::default());
+        let (_, checksum) = block::decode(&bytes).unwrap();
+        rig.say(1, &HostMessage::LoadCompensation(bytes));
+        for k in 2..50 {
+            rig.say(k, &step(u64::from(k) * 1000));
+        }
+        let state = read_state(&mut rig);
+        assert_eq!(steps(rig.say(49, &step(49_000))), 48, "the last command is still the last one");
+
+        let mut other = Rig::configured();
+        let mut sequence = 0;
+        let whole = Some(ModuleMessage::StateTaken { next: state.len() as u32 });
+        assert_eq!(load_state(&mut other, &mut sequence, StatePass::Check, &state), whole);
+        assert_eq!(other.endpoint.counters().compensation, None, "looked at, and nothing changed");
+        assert_eq!(load_state(&mut other, &mut sequence, StatePass::Restore, &state), whole);
+        assert_eq!(other.endpoint.counters().compensation, Some(checksum));
+        assert_eq!(other.endpoint.time_ms, 49_000);
+        assert_eq!(other.say(sequence + 1, &step(60_000)), rig.say(50, &step(60_000)));
+    }
+
+    #[test]
+    fn no_step_is_made_while_a_state_is_not_whole() {
+        let mut rig = Rig::configured();
+        let refused = |error| Some(ModuleMessage::Refused(Refusal::State(error)));
+        assert_eq!(
+            Rig::new().say(1, &HostMessage::ReadState { begin: 0 }),
+            refused(StateError::NotConfigured)
+        );
+        let state = read_state(&mut rig);
+        let mut sequence = 0;
+        let part = |pass, begin: usize| {
+            let bytes = state[begin..].iter().copied().take(STATE_PART).collect();
+            HostMessage::LoadState { pass, begin: begin as u32, bytes }
+        };
+        assert_eq!(rig.say(1, &part(StatePass::Restore, 0)), refused(StateError::NotChecked));
+        assert_eq!(steps(rig.say(2, &step(1000))), 1, "and it flies on");
+        sequence += 2;
+        load_state(&mut rig, &mut sequence, StatePass::Check, &state);
+        rig.say(sequence + 1, &HostMessage::SetPace(Pace::Clock { period_ms: 1000 }));
+        assert!(matches!(
+            rig.say(sequence + 2, &part(StatePass::Restore, 0)),
+            Some(ModuleMessage::StateTaken { .. })
+        ));
+        assert_eq!(rig.endpoint.pace(), Pace::Host, "the clock waits");
+        let not_configured = Some(ModuleMessage::Refused(Refusal::NotConfigured));
+        assert_eq!(rig.say(sequence + 3, &step(2000)), not_configured);
+        assert_eq!(
+            rig.say(sequence + 4, &HostMessage::ReadState { begin: 0 }),
+            refused(StateError::NotConfigured)
+        );
+        // From the start again: what was good once is good still.
+        sequence += 4;
+        load_state(&mut rig, &mut sequence, StatePass::Check, &state);
+        load_state(&mut rig, &mut sequence, StatePass::Restore, &state);
+        assert_eq!(steps(rig.say(sequence + 1, &step(2000))), 1);
     }
 
     #[test]
@@ -651,6 +800,17 @@ mod tests {
         assert_eq!(rig.say(6, &HostMessage::SetPace(Pace::Host)), Some(ModuleMessage::PaceSet(Pace::Host)));
         assert_eq!(rig.tick_at(90_000_000), None);
         assert!(matches!(rig.say(7, &step(10_000)), Some(ModuleMessage::Output(_))));
+    }
+
+    /// The next tick would be due beyond the end of the clock.
+    #[test]
+    fn the_clock_may_end() {
+        let mut rig = Rig::configured();
+        rig.tick_us = 0;
+        rig.now_us.set(u64::MAX - 1_000_000);
+        let pace = Pace::Clock { period_ms: 1000 };
+        assert_eq!(rig.say(1, &HostMessage::SetPace(pace)), Some(ModuleMessage::PaceSet(pace)));
+        assert!(rig.tick_at(u64::MAX).is_some());
     }
 
     #[test]

@@ -224,14 +224,15 @@ mod tests {
     use heapless::Vec as Bytes;
     use proptest::prelude::*;
     use schuler_core::compensation::Block;
-    use schuler_core::module::{FlightModule, ModuleConfig, StepInput};
+    use schuler_core::module::{FlightModule, ModuleConfig, StateError, StatePass, StepInput};
     use schuler_core::reading::Reading;
     use serde::Deserialize;
 
     use super::*;
     use crate::block::{BlockError, encode};
     use crate::message::{
-        Banner, Board, Counters, HostMessage, Identity, ModuleMessage, Pace, Refusal, Start, Tick, Transport,
+        Banner, Board, Counters, HostMessage, Identity, ModuleMessage, Pace, Refusal, STATE_PART, Start,
+        Tick, Transport,
     };
 
     fn input(time_ms: u64) -> StepInput {
@@ -309,6 +310,12 @@ mod tests {
             HostMessage::LoadCompensation(encode(&Block::default())),
             HostMessage::SetPace(Pace::Clock { period_ms: 1000 }),
             HostMessage::Reset,
+            HostMessage::ReadState { begin: 12_345 },
+            HostMessage::LoadState {
+                pass: StatePass::Restore,
+                begin: 512,
+                bytes: (0..STATE_PART).map(|k| k as u8).collect(),
+            },
         ] {
             let (frames, _) = listen::<HostMessage>(&mut Decoder::new(), &wire(u32::MAX, &message));
             assert_eq!((frames[0].sequence, &frames[0].message), (u32::MAX, &message));
@@ -330,6 +337,14 @@ mod tests {
             ModuleMessage::Refused(refusal),
             ModuleMessage::Refused(Refusal::Stale { last_sequence: 3 }),
             ModuleMessage::Refused(Refusal::Block(BlockError::Version(9))),
+            ModuleMessage::Refused(Refusal::State(StateError::Place { next: 7 })),
+            ModuleMessage::State {
+                begin: 512,
+                length: 50_000,
+                step: 3,
+                bytes: (0..STATE_PART).map(|_| 0).collect(),
+            },
+            ModuleMessage::StateTaken { next: 1024 },
         ] {
             let (frames, _) = listen::<ModuleMessage>(&mut Decoder::new(), &wire(0, &message));
             assert_eq!(frames[0].message, message);

@@ -1,18 +1,24 @@
 //! What host and module can say to each other.
 use core::fmt::{self, Write};
 
-use heapless::String;
+use heapless::{String, Vec};
 use schuler_core::config::ConfigError;
-use schuler_core::module::{ModuleConfig, StepInput, StepOutput};
+use schuler_core::module::{ModuleConfig, StateError, StatePass, StepInput, StepOutput};
 use serde::{Deserialize, Serialize};
 
 use crate::block::{BlockBytes, BlockError, MAX_BLOCK};
 use crate::frame::{FrameError, MAX_MESSAGE, Message};
 use crate::{PROTOCOL, SOURCE_HASH, VERSION};
 
+/// Longest part of a saved state in one message, bytes. No longer than a step's output: a message takes no more memory for it.
+pub const STATE_PART: usize = 512;
+
+/// A part of a saved state.
+pub type StateBytes = Vec<u8, STATE_PART>;
+
 /// From the host to the module.
 ///
-/// [`Hello`](Self::Hello) and [`Counters`](Self::Counters) are questions: they change nothing and are answered
+/// [`Hello`](Self::Hello), [`Counters`](Self::Counters) and [`ReadState`](Self::ReadState) are questions: they change nothing and are answered
 /// always. The others are commands: each is carried out at most once (see [`crate::endpoint`]).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[allow(clippy::large_enum_variant)] // No heap to box it in.
@@ -34,6 +40,23 @@ pub enum HostMessage {
     SetPace(Pace),
     /// Reset the processor. Answered with a new banner.
     Reset,
+    /// The part of the module's state ([`schuler_core::module::FlightModule::save_part`]) that begins at this byte. Answered with
+    /// [`ModuleMessage::State`] or [`Refusal::State`].
+    ReadState {
+        /// In bytes from the start of the saved state.
+        begin: u32,
+    },
+    /// Take this part of a saved state ([`schuler_core::module::StateLoader`]). The whole state comes twice, first to be checked and
+    /// then to be flown. Answered with [`ModuleMessage::StateTaken`] or [`Refusal::State`]. Once it is flown, the module is at the
+    /// host's pace.
+    LoadState {
+        /// Which time.
+        pass: StatePass,
+        /// Where the part begins, in bytes from the start of the saved state.
+        begin: u32,
+        /// The part.
+        bytes: StateBytes,
+    },
 }
 
 impl Message for HostMessage {
@@ -63,6 +86,22 @@ pub enum ModuleMessage {
     Tick(Tick),
     /// A command was not carried out.
     Refused(Refusal),
+    /// A part of the module's state.
+    State {
+        /// Where it begins, in bytes from the start of the saved state.
+        begin: u32,
+        /// Length of the whole, bytes.
+        length: u32,
+        /// Steps of the module so far: parts from before and after a step do not belong together.
+        step: u64,
+        /// The part; empty behind the last one.
+        bytes: StateBytes,
+    },
+    /// A part of a saved state was taken.
+    StateTaken {
+        /// Where the next part begins; the length of the whole when this was the last one.
+        next: u32,
+    },
 }
 
 impl Message for ModuleMessage {
@@ -78,6 +117,7 @@ const _: () = assert!(size_of::<ModuleConfig>() * 3 / 2 + TAG <= MAX_MESSAGE);
 const _: () = assert!(size_of::<StepInput>() * 3 / 2 + TAG <= MAX_MESSAGE);
 const _: () = assert!(MAX_BLOCK + 3 + TAG <= MAX_MESSAGE);
 const _: () = assert!(size_of::<ModuleMessage>() * 3 / 2 <= MAX_MESSAGE);
+const _: () = assert!(size_of::<StateBytes>() <= size_of::<StepOutput>() + 64);
 
 /// What makes the module take a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -200,6 +240,8 @@ pub enum Refusal {
     },
     /// The bytes are not a compensation block; what was in force before still is.
     Block(BlockError),
+    /// The state can be neither read nor loaded.
+    State(StateError),
     /// A step, a pace or a compensation block before any configuration: after a reset the module does not fly on with defaults.
     NotConfigured,
     /// The command's number is behind the last one: it came late, and its turn has passed.

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::config::{ConfigError, Problem};
 use crate::filter::positive;
 use crate::module::{ACCELEROMETERS, GYROS, THERMOMETERS};
+use crate::saved::saved;
 use crate::thermal::{self, CompensationBlock};
 
 /// Version of a block's meaning. A block of another version is refused as a whole.
@@ -287,3 +288,5 @@ fn within(field: &'static str, holds: bool) -> Result<(), ConfigError> {
 fn index(field: &'static str, value: u8, count: usize) -> Result<(), ConfigError> {
     within(field, usize::from(value) < count)
 }
+
+saved!([] Validity { temperature_range, rate_limit });

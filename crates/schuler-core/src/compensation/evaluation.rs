@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::block::{Block, Calibration, Factor, Limits, MAX_TERMS, Quantity, Target, Term, Validity, power};
 use crate::config::ConfigError;
 use crate::module::{ACCELEROMETERS, GYROS, THERMOMETERS};
+use crate::saved::saved;
 use crate::thermal::{self, CompensationStatus, ThermalState};
 
 /// Rounds of substitution.
@@ -338,3 +339,16 @@ fn bit(place: u8) -> u32 {
 fn finite_or(raw: [f64; 3], corrected: [f64; 3]) -> [f64; 3] {
     if corrected.iter().all(|value| value.is_finite()) { corrected } else { raw }
 }
+
+saved!([] Compensator {
+    loaded,
+    has_calibration,
+    thermometer,
+    calibration,
+    validity,
+    limits,
+    products,
+    used,
+});
+saved!([] Product { target, coefficient, factors });
+saved!([] Difference { plus, minus, power, magnitude, reference });

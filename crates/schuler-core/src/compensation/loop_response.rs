@@ -4,6 +4,7 @@
 //! and of what everything else does. So the known part is moved here by itself, taken off the measurement before the filter
 //! sees it and added to the estimate afterwards. That is the filter with a known input, exactly, for every filter that
 //! looks at the measurements, and none of them has to know.
+use crate::saved::saved;
 
 /// The known part of velocity error and vertical error.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -45,6 +46,8 @@ impl LoopResponse {
         [self.velocity, self.vertical, a, w].map(|state| state as f32)
     }
 }
+
+saved!([] LoopResponse { velocity, vertical, last });
 
 #[cfg(test)]
 mod tests {

@@ -16,6 +16,7 @@ use super::kernel::{Farthest, Innovation, Kernel, Restart, are_finite, at_most};
 use super::model::{DOUBLINGS, QUADRATURE, TERMS};
 use super::{FilterConfig, MarkovNoise};
 use crate::number::{real, select};
+use crate::saved::{Blank, saved};
 
 const STATES: usize = 6;
 
@@ -322,6 +323,10 @@ impl<T: RealField + Copy> Kernel<T> for ColouredGaussian<T> {
         ];
     }
 }
+
+saved!([T: Blank] ColouredNoise<T> { sigma, alpha, beta });
+saved!([T: Blank] ColouredModel<T> { loop_rows, rotations, noise });
+saved!([T: Blank] ColouredGaussian<T> { mean, covariance });
 
 #[cfg(test)]
 mod tests {

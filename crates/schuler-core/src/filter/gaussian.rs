@@ -7,6 +7,7 @@ use nalgebra::RealField;
 use super::DiscreteModel;
 use super::kernel::{Farthest, Innovation, Kernel, Restart, are_finite, at_most};
 use crate::number::select;
+use crate::saved::{Blank, saved};
 
 /// A Gaussian over [ΔV, δ, a, ω].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -146,3 +147,5 @@ impl<T: RealField + Copy> Kernel<T> for Gaussian<T> {
         ];
     }
 }
+
+saved!([T: Blank] Gaussian<T> { mean, covariance });

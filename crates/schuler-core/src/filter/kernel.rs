@@ -5,6 +5,7 @@ use core::fmt::Debug;
 use nalgebra::RealField;
 
 use crate::number::{real, select};
+use crate::saved::{Blank, saved};
 
 /// What a measurement said that the prediction did not.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -116,3 +117,5 @@ pub(super) fn are_finite<'a, T: RealField + Copy>(values: impl Iterator<Item = &
 pub(super) fn at_most<T: RealField + Copy>(value: T, most: T) -> T {
     select(value < most, value, most)
 }
+
+saved!([T: Blank] Farthest<T> { mean, variance });

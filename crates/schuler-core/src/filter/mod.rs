@@ -21,6 +21,7 @@ pub use model::DiscreteModel;
 
 use crate::config::{ConfigError, Problem};
 use crate::number::{real, select};
+use crate::saved::{Blank, saved};
 use kernel::are_finite;
 
 /// A first-order Markov process: R(t) = σ² exp(−|t|/τ) [FIL-7].
@@ -205,7 +206,7 @@ impl<T: RealField + Copy, K: Kernel<T>> ErrorFilter<T, K> {
         let present = velocity_error.is_some();
         self.state.correct(&innovation, present & inside);
         let gated = present & !inside;
-        let in_a_row = self.gated_in_a_row + u32::from(gated);
+        let in_a_row = self.gated_in_a_row.saturating_add(u32::from(gated));
         let reacquired = gated & (in_a_row >= GATED_IN_A_ROW) & are_finite([&velocity].into_iter());
         self.gated_in_a_row = select(reacquired | (present & inside), 0, in_a_row);
 
@@ -226,7 +227,14 @@ impl<T: RealField + Copy, K: Kernel<T>> ErrorFilter<T, K> {
 
     /// Goes on without measurement over the interval of `model`.
     pub fn coast(&mut self, model: &K::Model) {
-        self.state.predict(model);
+        self.coast_if(true, model);
+    }
+
+    /// The same where `condition` holds; with the same work where it does not.
+    pub fn coast_if(&mut self, condition: bool, model: &K::Model) {
+        let mut after = self.state;
+        after.predict(model);
+        self.state = *select(condition, &after, &self.state);
     }
 
     /// Starts from a velocity error (m/s), with everything else as it is but ten times as uncertain.
@@ -281,3 +289,25 @@ pub(crate) fn positive<T: RealField + Copy>(field: &'static str, value: T) -> Re
         Err(ConfigError::new(field, Problem::NotPositive))
     }
 }
+
+saved!([T: Blank] MarkovNoise<T> { sigma, tau_s });
+saved!([T: Blank] FilterConfig<T> {
+    radius_m,
+    gravity,
+    step_s,
+    accelerometer,
+    gyro,
+    velocity_noise,
+    initial_velocity_sigma,
+    initial_vertical_sigma,
+    gate_sigma,
+});
+saved!([T: RealField + Copy + Blank, K: Kernel<T> + Blank] ErrorFilter<T, K> where [K::Model: Blank] {
+    model,
+    state,
+    prior,
+    farthest,
+    measurement_variance,
+    gate_squared,
+    gated_in_a_row,
+});

@@ -13,6 +13,7 @@ use nalgebra::RealField;
 
 use super::{FilterConfig, Gaussian, Kernel, MarkovNoise};
 use crate::number::real;
+use crate::saved::{Blank, saved};
 
 /// Halvings of the step before the series is summed; the result is composed with itself as often.
 pub(super) const DOUBLINGS: u32 = 6;
@@ -184,3 +185,5 @@ impl<T: RealField + Copy> Earth<T> {
         }
     }
 }
+
+saved!([T: Blank] DiscreteModel<T> { velocity, vertical, decay, noise });

@@ -6,6 +6,7 @@
 use nalgebra::RealField;
 
 use super::span::Span;
+use crate::saved::{Blank, saved};
 
 /// Gaussian of X given one mode.
 #[derive(Clone, Copy, Debug)]
@@ -175,6 +176,8 @@ impl<T: RealField + Copy> Prediction<T> {
         Conditional { mean, covariance }
     }
 }
+
+saved!([T: Blank] Conditional<T> { mean, covariance });
 
 #[cfg(test)]
 mod tests {

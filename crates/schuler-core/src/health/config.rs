@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::span::MAX_SPAN_STEPS;
 use crate::config::{ConfigError, Problem};
+use crate::saved::{Blank, saved};
 
 /// Smallest transition probability other than zero. With the floor under the mode probabilities it keeps every
 /// product of probabilities a normal number in single precision.
@@ -287,3 +288,20 @@ fn chain<T: RealField + Copy, const SIZE: usize>(
     }
     Ok(())
 }
+
+saved!([T: Blank, const LEVELS: usize] RadioErrorModel<T, LEVELS> { tau_s, sigma, normal_levels, transition, initial });
+saved!([T: Blank] JumpModel<T> { sigma, transition, initial, attribution_limit_s });
+saved!([T: Blank] InertialErrorModel<T> { random_walk, initial_sigma, drift_sigma, drift_random_walk, bound });
+saved!([T: Blank] AlarmThresholds<T> { set, clear });
+saved!([T: Blank, const LEVELS: usize] HealthConfig<T, LEVELS> {
+    step_s,
+    radio,
+    jump,
+    inertial,
+    residual_sigma,
+    alarm,
+    out_of_model_sigma,
+    unobserved_after_s,
+    restart_after_s,
+    max_age_ms,
+});

@@ -10,6 +10,7 @@ use super::verdict::{Findings, HealthAlarms};
 use crate::config::ConfigError;
 use crate::number::select;
 use crate::reading::{Quality, Reading};
+use crate::saved::{Blank, saved};
 
 /// One residual out of the model is an outlier, this many in a row are a fault.
 const OUT_OF_MODEL_STEPS: u32 = 3;
@@ -222,3 +223,9 @@ fn read_estimates<T: RealField + Copy, const LEVELS: usize>(
         (None, None) => None,
     };
 }
+
+saved!([T: Blank, const LEVELS: usize] HealthMonitor<T, LEVELS> {
+    state;
+    fixed priors, ladder, thresholds, normal_levels, inertial_bound, attribution_steps, unobserved_steps, bridged_steps, max_age_ms
+});
+saved!([T: Blank, const LEVELS: usize] State<T, LEVELS> { recursion, started, silence, rejected, jump_steps, alarms });

@@ -16,6 +16,7 @@ use super::conditional::{Conditional, JumpMotion, Prediction};
 use super::config::HealthConfig;
 use super::span::Span;
 use crate::number::select;
+use crate::saved::{Blank, saved};
 
 /// Floor under the mode probabilities, so that every mode can recover.
 const PROBABILITY_FLOOR: f64 = 1e-9;
@@ -262,3 +263,5 @@ fn floored<T: RealField + Copy, const LEVELS: usize>(weights: PerMode<T, LEVELS>
     let total = raised.iter().flatten().fold(T::zero(), |sum, &weight| sum + weight);
     raised.map(|row| row.map(|weight| weight / total))
 }
+
+saved!([T: Blank, const LEVELS: usize] Recursion<T, LEVELS> { weights, conditionals, jump_variance, residual_variance, gate_squared });

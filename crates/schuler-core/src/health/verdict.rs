@@ -18,6 +18,7 @@ use nalgebra::RealField;
 use serde::{Deserialize, Serialize};
 
 use super::config::AlarmThresholds;
+use crate::saved::saved_flags;
 
 bitflags! {
     /// Alarms that are on. Each is set and cleared with hysteresis.
@@ -113,3 +114,5 @@ impl Findings {
         }
     }
 }
+
+saved_flags!(HealthAlarms);

@@ -6,6 +6,7 @@
 use nalgebra::{ComplexField, RealField};
 
 use crate::number::real;
+use crate::saved::{Blank, saved};
 
 /// Sums of lagged products over the last `N` values for lags 0 … `LAGS` − 1.
 ///
@@ -131,6 +132,16 @@ impl<T: RealField + Copy, const N: usize, const LAGS: usize> SlidingAutocorrelat
 fn halves<X>(ring: &[X], head: usize) -> (&[X], &[X]) {
     ring.split_at_checked(head).unwrap_or((ring, &[]))
 }
+
+saved!([T: Blank] LaggedSum<T> { sum, pairs });
+saved!([T: Blank, const N: usize, const LAGS: usize] SlidingAutocorrelation<T, N, LAGS> {
+    values,
+    present,
+    head < N,
+    sums,
+    fresh,
+    age < N,
+});
 
 #[cfg(test)]
 mod tests {

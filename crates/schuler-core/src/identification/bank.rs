@@ -7,6 +7,8 @@
 
 use super::window::{DECIMATION, MeasurementWindow, Sample};
 use crate::filter::{DiscreteModel, FilterConfig, Gaussian, Kernel, MarkovNoise};
+use crate::number::select;
+use crate::saved::saved;
 
 /// Correlation times per channel on the grid.
 const TAUS: usize = 3;
@@ -72,10 +74,8 @@ pub struct FilterBank<const L: usize, const M: usize> {
     parts_a: [Part; TAUS],
     parts_w: [Part; TAUS],
     members: [Member; M],
-    /// Index of the sample that the bank works on.
-    cursor: u32,
-    /// Part of it that comes next.
-    part: usize,
+    /// Parts of the work done since sample zero.
+    done: u32,
     /// Greatest log-weight after the previous sample, taken off all of them.
     greatest: f32,
     sums: Sums,
@@ -126,8 +126,7 @@ impl<const L: usize, const M: usize> FilterBank<L, M> {
             parts_a: [part; TAUS],
             parts_w: [part; TAUS],
             members: [Member { state, log_weight: 0.0 }; M],
-            cursor: 0,
-            part: 0,
+            done: 0,
             greatest: 0.0,
             sums: Sums::ZERO,
             mixture: Mixture::EMPTY,
@@ -158,7 +157,6 @@ impl<const L: usize, const M: usize> FilterBank<L, M> {
             ];
         }
         self.greatest = 0.0;
-        self.part = 0;
         self.sums = Sums::EMPTY;
         self.mixture = Mixture::EMPTY;
     }
@@ -180,8 +178,7 @@ impl<const L: usize, const M: usize> FilterBank<L, M> {
 
     /// Says which sample comes next, once all members stand before it.
     pub fn start_at(&mut self, cursor: u32) {
-        self.cursor = cursor;
-        self.part = 0;
+        self.done = cursor.wrapping_mul(PARTS as u32);
         self.sums = Sums::EMPTY;
     }
 
@@ -192,22 +189,22 @@ impl<const L: usize, const M: usize> FilterBank<L, M> {
 
     /// Index of the sample that the bank works on.
     pub fn cursor(&self) -> u32 {
-        self.cursor
+        self.done / PARTS as u32
     }
 
-    /// Does one of nine parts of the work on the current sample if it is there; true when that completed it.
+    /// Does one of nine parts of the work on the current sample; true when that completed it. Where the sample is not there
+    /// yet the work is done all the same, and counts for nothing.
     pub fn advance(&mut self, window: &MeasurementWindow, variance_of_one: f32) -> bool {
-        if self.cursor >= window.completed() {
-            return false;
-        }
-        let sample = window.sample(self.cursor);
+        let cursor = self.cursor();
+        let counts = cursor < window.completed();
+        let sample = window.sample(cursor);
         let per_part = M / PARTS;
-        let first = self.part * per_part;
+        let first = self.done as usize % PARTS * per_part;
         for index in first..first + per_part {
-            self.work_member(index, sample, variance_of_one);
+            self.work_member(index, sample, variance_of_one, counts);
         }
-        self.part += 1;
-        let complete = self.part == PARTS;
+        self.done = self.done.wrapping_add(u32::from(counts));
+        let complete = counts & self.done.is_multiple_of(PARTS as u32);
         if complete {
             self.complete();
         }
@@ -219,37 +216,39 @@ impl<const L: usize, const M: usize> FilterBank<L, M> {
         &self.mixture
     }
 
-    fn work_member(&mut self, index: usize, sample: Sample, variance_of_one: f32) {
+    fn work_member(&mut self, index: usize, sample: Sample, variance_of_one: f32, counts: bool) {
         let noise = self.noise(index);
         let model = self.model(index, &noise);
         let reference = self.mixture.mean;
         let greatest = self.greatest;
-        let Some(member) = self.members.get_mut(index) else { return };
+        let Some(slot) = self.members.get_mut(index) else { return };
+        let mut member = *slot;
         member.state.predict(&model);
         let innovation = member.state.innovation(sample.mean, sample.variance(variance_of_one));
         let present = sample.is_present();
         member.state.correct(&innovation, present);
-        let gained = if present { innovation.log_likelihood() } else { 0.0 };
+        let gained = select(present, innovation.log_likelihood(), 0.0);
         // A member that has lost its footing weighs nothing from then on.
         let relative = member.log_weight - greatest + gained;
         let sound = member.state.is_sound();
-        member.log_weight = if sound { relative.max(FLOOR) } else { FLOOR };
+        member.log_weight = select(sound, relative.max(FLOOR), FLOOR);
+        *slot = *select(counts, &member, slot);
 
-        let weight = if sound { libm::expf(member.log_weight) } else { 0.0 };
+        let sound = sound & counts;
+        let weight = select(sound, libm::expf(member.log_weight), 0.0);
         let parameters = noise.logarithms();
         let sums = &mut self.sums;
         sums.weight += weight;
         let variances = member.state.variances();
         for i in 0..4 {
             let away = member.state.mean[i] - reference[i];
-            sums.first[i] += if sound { weight * away } else { 0.0 };
-            sums.second[i] += if sound { weight * (variances[i] + away * away) } else { 0.0 };
+            sums.first[i] += select(sound, weight * away, 0.0);
+            sums.second[i] += select(sound, weight * (variances[i] + away * away), 0.0);
             sums.log_parameters[i] += weight * parameters[i];
         }
-        if member.log_weight > sums.greatest {
-            sums.greatest = member.log_weight;
-            sums.best = parameters;
-        }
+        let better = counts & (member.log_weight > sums.greatest);
+        sums.greatest = select(better, member.log_weight, sums.greatest);
+        sums.best = select(better, parameters, sums.best);
     }
 
     fn complete(&mut self) {
@@ -264,8 +263,6 @@ impl<const L: usize, const M: usize> FilterBank<L, M> {
         }
         self.mixture.best = sums.best;
         self.greatest = sums.greatest;
-        self.cursor = self.cursor.wrapping_add(1);
-        self.part = 0;
         self.sums = Sums::EMPTY;
     }
 
@@ -346,3 +343,22 @@ fn pick<const L: usize>(grid: &Grid<L>, index: usize) -> MarkovNoise<f32> {
 fn part(parts: &[Part; TAUS], index: usize) -> Part {
     parts.get(index).copied().unwrap_or(parts[0])
 }
+
+saved!([] ChannelNoise { accelerometer, gyro });
+saved!([] Part { to_velocity, to_vertical, decay, noise });
+saved!([] Member { state, log_weight });
+saved!([] Mixture { mean, variance, log_mean, best });
+saved!([] Sums { weight, first, second, log_parameters, greatest, best });
+saved!([const L: usize, const M: usize] FilterBank<L, M> {
+    accelerometer,
+    gyro,
+    coupling,
+    parts_a,
+    parts_w,
+    members,
+    done,
+    greatest,
+    sums,
+    mixture;
+    fixed
+});

@@ -17,7 +17,7 @@
 //!
 //! The published loop alone ([`super::PublishedLoop`]) does not converge; why stands there.
 
-use super::bank::{ChannelNoise, FilterBank, Grid};
+use super::bank::{ChannelNoise, FilterBank, Grid, PARTS};
 use super::read_out::{LAGS, PASSES, ReadOut};
 use super::replay::{ColouredChannels, Hypothesis, Replay, Stretch};
 use super::simplex::Simplex;
@@ -25,9 +25,13 @@ use super::structure::ExponentialCosine;
 use super::window::{DECIMATION, MeasurementWindow, WINDOW};
 use super::{AveragedEstimate, ChannelStatus, IdentificationConfig, steps_in};
 use crate::filter::{ColouredGaussian, ColouredNoise, FilterConfig, Gaussian, Kernel, MarkovNoise};
+use crate::number::select;
+use crate::saved::{Saved, Walk, saved};
 
 /// Samples replayed per step.
 const REPLAY_SAMPLES: u32 = 256;
+/// Samples not replayed in a step that has laid out the wide bank: it takes as long.
+const LAYING_SAMPLES: u32 = 56;
 /// Samples replayed per step while lagged products are collected.
 const READ_OUT_SAMPLES: u32 = 192;
 /// Samples replayed per step with six states.
@@ -81,10 +85,14 @@ const LONGEST_GAP: u32 = 60;
 const FIRST_PATIENCE: f32 = 1.25;
 
 /// The wide bank: five diffusions and three rates per channel.
-type WideBank = FilterBank<5, 225>;
+type WideBank = FilterBank<5, WIDE>;
+const WIDE: usize = 225;
 /// The narrow bank: three standard deviations and three correlation times per channel.
 type NarrowBank = FilterBank<3, 81>;
 const NARROW: usize = 81;
+/// Bytes of a place in a saved state.
+const SAVED_PLACE: usize = size_of::<NarrowBank>();
+const _: () = assert!(SAVED_PLACE >= size_of::<ReadOut>());
 /// The narrow bank's member without any offset.
 const CENTRE: usize = NARROW / 2;
 
@@ -111,6 +119,53 @@ enum Phase {
     CatchUp,
 }
 
+/// What is needed one after the other: the read-out, then the narrow bank that is laid around what it has found. There are
+/// two places, so that one narrow bank is in use while the next identification works in the other.
+///
+/// The tag stands by itself, so that an identifier that waits is all zeros.
+#[derive(Clone, Copy, Debug)]
+#[repr(u8)]
+#[expect(clippy::large_enum_variant, reason = "no heap to box it in")]
+enum Place {
+    Bank(NarrowBank),
+    ReadOut(ReadOut),
+}
+
+impl Place {
+    const EMPTY: Self = Self::Bank(NarrowBank::new());
+
+    /// Nothing collected, or a bank that is not laid. Zeros, written in place.
+    #[inline(never)]
+    fn empty(&mut self, read_out: bool) {
+        if read_out {
+            *self = Self::ReadOut(ReadOut::new());
+        } else {
+            *self = Self::EMPTY;
+        }
+    }
+
+    fn bank(&self) -> Option<&NarrowBank> {
+        match self {
+            Self::Bank(bank) => Some(bank),
+            Self::ReadOut(_) => None,
+        }
+    }
+
+    fn bank_mut(&mut self) -> Option<&mut NarrowBank> {
+        match self {
+            Self::Bank(bank) => Some(bank),
+            Self::ReadOut(_) => None,
+        }
+    }
+
+    fn read_out(&mut self) -> Option<&mut ReadOut> {
+        match self {
+            Self::ReadOut(read_out) => Some(read_out),
+            Self::Bank(_) => None,
+        }
+    }
+}
+
 /// New parameters for the main filter, with its state under them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Retuned {
@@ -122,19 +177,22 @@ pub struct Retuned {
     pub coloured: Option<(ColouredChannels, ColouredGaussian<f32>)>,
 }
 
-/// The likelihood identifier's whole state. About 45 kB: keep it where it is built.
+/// The likelihood identifier's whole state. About 37 kB: keep it where it is built.
 #[derive(Clone, Copy, Debug)]
 pub struct LikelihoodIdentifier {
     window: MeasurementWindow,
     wide: WideBank,
-    narrow: [NarrowBank; 2],
-    /// The narrow bank in use, once there is one.
+    /// Members of the wide bank that have been started.
+    begun: usize,
+    /// This step has laid out the wide bank.
+    laid: bool,
+    places: [Place; 2],
+    /// The place of the narrow bank in use, once there is one.
     active: Option<u8>,
     simplex: Simplex<4, 5>,
     coloured_simplex: Simplex<5, 6>,
     replay: Replay<ChannelNoise>,
     coloured_replay: Replay<ColouredChannels>,
-    read_out: ReadOut,
     phase: Phase,
     stretch: Stretch,
     steps: u64,
@@ -174,13 +232,14 @@ impl LikelihoodIdentifier {
         Self {
             window: MeasurementWindow::new(),
             wide: WideBank::new(),
-            narrow: [NarrowBank::new(); 2],
+            begun: 0,
+            laid: false,
+            places: [Place::EMPTY; 2],
             active: None,
             simplex: Simplex::idle(),
             coloured_simplex: Simplex::idle(),
             replay: Replay::idle(),
             coloured_replay: Replay::idle(),
-            read_out: ReadOut::new(),
             phase: Phase::Waiting,
             stretch: Stretch { begin: 0, end: 0, from_start: false },
             steps: 0,
@@ -228,14 +287,18 @@ impl LikelihoodIdentifier {
             })
         };
         self.wide.lay(filter, grid(0, &filter.accelerometer), grid(1, &filter.gyro));
-        for index in 0..225 {
-            let noise = self.wide.noise(index);
-            self.wide.start_member(index, &noise.prior(filter), prior(filter, config, &noise));
-        }
         self.wide.start_at(0);
+        self.begun = 0;
+        self.laid = false;
         let in_use = self.in_use;
         self.stretch = self.whole_window();
         self.evaluate(filter, &in_use);
+    }
+
+    /// The same in the midst of a flight: the step in which it happens works no longer than another.
+    pub fn restart(&mut self, filter: &FilterConfig<f32>, config: &IdentificationConfig) {
+        self.start(filter, config);
+        self.laid = true;
     }
 
     /// One step: takes the velocity error (m/s) or a gap and the main filter's state after it, does one quantum
@@ -252,8 +315,13 @@ impl LikelihoodIdentifier {
             self.at_sample = present.mean;
         }
         let variance_of_one = filter.velocity_noise * filter.velocity_noise;
-        self.wide.advance(&self.window, variance_of_one);
-        if let Some(narrow) = self.active.and_then(|active| self.narrow.get_mut(usize::from(active)))
+        if self.begun < WIDE {
+            self.begin_members(filter, config);
+        } else {
+            self.wide.advance(&self.window, variance_of_one);
+        }
+        if let Some(narrow) =
+            self.active.and_then(|active| self.places.get_mut(usize::from(active))?.bank_mut())
             && narrow.advance(&self.window, variance_of_one)
             && narrow.cursor() == self.window.completed()
         {
@@ -263,11 +331,20 @@ impl LikelihoodIdentifier {
         self.work(filter, config)
     }
 
-    /// Takes a gap of whole steps, as when the module was not called.
-    pub fn skip(&mut self, steps: u32) {
-        for _ in 0..steps {
-            self.window.push(None);
+    /// Starts the next members of the wide bank: as many as it would otherwise work on, so that all stand before the first
+    /// sample is there.
+    fn begin_members(&mut self, filter: &FilterConfig<f32>, config: &IdentificationConfig) {
+        for index in self.begun..self.begun + WIDE / PARTS {
+            let noise = self.wide.noise(index);
+            self.wide.start_member(index, &noise.prior(filter), prior(filter, config, &noise));
         }
+        self.begun += WIDE / PARTS;
+    }
+
+    /// Takes a gap of whole steps, as when the module was not called; at most `LONGEST_SKIP`
+    /// of them. The work is that of the longest gap, also where there is none.
+    pub fn skip(&mut self, steps: u32) {
+        self.window.skip(steps);
     }
 
     /// The estimate averaged over what is not known of the parameters.
@@ -276,7 +353,7 @@ impl LikelihoodIdentifier {
     /// there, its mixture is carried to the present by the loop's equations; after that, the mixture says how far
     /// the main filter (`present`) was off at the last sample, and the main filter has the newest measurements.
     pub fn averaged(&self, filter: &FilterConfig<f32>, present: &Gaussian<f32>) -> AveragedEstimate {
-        let narrow = self.active.and_then(|active| self.narrow.get(usize::from(active)));
+        let narrow = self.active.and_then(|active| self.places.get(usize::from(active))?.bank());
         let (estimate, variance) = if let Some(narrow) = narrow {
             let mut estimate = present.mean;
             for (x, correction) in estimate.iter_mut().zip(self.correction) {
@@ -284,7 +361,7 @@ impl LikelihoodIdentifier {
             }
             (estimate, narrow.mixture().variance)
         } else {
-            let samples_behind = self.window.completed() - self.wide.cursor();
+            let samples_behind = self.window.completed().saturating_sub(self.wide.cursor());
             let behind = (samples_behind * DECIMATION + self.window.steps()) as f32 * filter.step_s;
             let started = if self.wide.cursor() > 0 { 1.0 } else { 0.0 };
             let mixture = self.wide.mixture();
@@ -309,11 +386,17 @@ impl LikelihoodIdentifier {
         self.retunes
     }
 
+    /// Index of the place that is not in use.
+    fn spare(&self) -> usize {
+        usize::from(self.active == Some(0))
+    }
+
     fn work(&mut self, filter: &FilterConfig<f32>, config: &IdentificationConfig) -> Option<Retuned> {
         match self.phase {
             Phase::Waiting => self.wait(filter, config),
             Phase::ReadOut { pass } => {
-                let read_out = &mut self.read_out;
+                let spare = self.spare();
+                let read_out = self.places.get_mut(spare).and_then(Place::read_out)?;
                 let take = |index, state: &Gaussian<f32>, counts| read_out.take(index, state, counts);
                 if self.replay.advance(&self.window, READ_OUT_SAMPLES, take) {
                     self.next_pass(filter, pass + 1);
@@ -334,14 +417,14 @@ impl LikelihoodIdentifier {
                 self.coloured_replay.extend_to(self.window.completed());
                 let there = self.coloured_replay.advance(&self.window, COLOURED_SAMPLES, |_, _, _| ());
                 let there = there || self.coloured.is_none();
-                let spare = 1 - self.active.unwrap_or(1);
+                let spare = self.spare();
                 let variance_of_one = filter.velocity_noise * filter.velocity_noise;
-                if let Some(bank) = self.narrow.get_mut(usize::from(spare)) {
+                if let Some(bank) = self.places.get_mut(spare).and_then(Place::bank_mut) {
                     for _ in 0..CATCH_UP_PARTS {
                         bank.advance(&self.window, variance_of_one);
                     }
                     if there && bank.cursor() == self.window.completed() && self.window.steps() == 0 {
-                        return self.activate(filter, spare);
+                        return self.activate(filter, spare as u8);
                     }
                 }
             }
@@ -359,7 +442,9 @@ impl LikelihoodIdentifier {
             first && (self.steps as f32) * filter.step_s < enough_s.min(FIRST_PATIENCE * config.first_s);
         if self.steps < self.due || early || completed < LEAST_SAMPLES {
             // The step's work is done all the same, and counts for nothing: the worst case is the only case.
-            if self.replay.advance(&self.window, REPLAY_SAMPLES, |_, _, _| ()) {
+            let samples = select(self.laid, REPLAY_SAMPLES - LAYING_SAMPLES, REPLAY_SAMPLES);
+            self.laid = false;
+            if self.replay.advance(&self.window, samples, |_, _, _| ()) {
                 self.stretch = self.whole_window();
                 let in_use = self.in_use;
                 self.evaluate(filter, &in_use);
@@ -369,7 +454,7 @@ impl LikelihoodIdentifier {
         self.stretch = self.whole_window();
         self.found_value = f32::NEG_INFINITY;
         self.cosine = [None; 2];
-        self.due = self.steps + steps_in(config.interval_s, filter.step_s);
+        self.due = self.steps.saturating_add(steps_in(config.interval_s, filter.step_s));
         self.begin_search(filter, config, 0);
     }
 
@@ -425,8 +510,9 @@ impl LikelihoodIdentifier {
                 self.begin_probe(filter, config, probe + 1);
             }
             Phase::Populate { member } => {
-                let spare = usize::from(1 - self.active.unwrap_or(1));
-                if let (Some(bank), Some(state)) = (self.narrow.get_mut(spare), self.replay.state()) {
+                let spare = self.spare();
+                let bank = self.places.get_mut(spare).and_then(Place::bank_mut);
+                if let (Some(bank), Some(state)) = (bank, self.replay.state()) {
                     bank.start_member(usize::from(member), state, value - self.found_value);
                 }
                 self.populate(filter, member + 1);
@@ -467,7 +553,18 @@ impl LikelihoodIdentifier {
         if usize::from(pass) < PASSES {
             let Stretch { begin, end, .. } = self.stretch;
             let found = self.found;
-            self.read_out.begin_pass(usize::from(pass), begin + (end - begin) / 8);
+            let spare = self.spare();
+            if let Some(place) = self.places.get_mut(spare) {
+                if place.bank().is_some() {
+                    place.empty(true);
+                }
+                if let Some(read_out) = place.read_out() {
+                    if pass == 0 {
+                        read_out.clear();
+                    }
+                    read_out.begin_pass(usize::from(pass), begin + (end - begin) / 8);
+                }
+            }
             self.evaluate(filter, &found);
             self.phase = Phase::ReadOut { pass };
         } else {
@@ -478,7 +575,9 @@ impl LikelihoodIdentifier {
     /// Fits the read-out of one channel and has it checked against the likelihood.
     fn fit(&mut self, filter: &FilterConfig<f32>, config: &IdentificationConfig, channel: u8) {
         let spacing_s = filter.step_s * DECIMATION as f32;
-        let read = self.read_out.fit(usize::from(channel), spacing_s);
+        let spare = self.spare();
+        let Some(read_out) = self.places.get_mut(spare).and_then(Place::read_out) else { return };
+        let read = read_out.fit(usize::from(channel), spacing_s);
         if let Some(slot) = self.filter_variance.get_mut(usize::from(channel)) {
             *slot = read.filter_variance;
         }
@@ -666,8 +765,11 @@ impl LikelihoodIdentifier {
             })
         };
         let (found, status) = (self.found, self.status);
-        let spare = usize::from(1 - self.active.unwrap_or(1));
-        if let Some(bank) = self.narrow.get_mut(spare) {
+        let spare = self.spare();
+        if let Some(place) = self.places.get_mut(spare) {
+            place.empty(false);
+        }
+        if let Some(bank) = self.places.get_mut(spare).and_then(Place::bank_mut) {
             bank.lay(filter, grid(&found.accelerometer, status[0]), grid(&found.gyro, status[1]));
         }
         self.populate(filter, 0);
@@ -675,13 +777,14 @@ impl LikelihoodIdentifier {
 
     /// Replays the window for one member of the narrow bank after the other.
     fn populate(&mut self, filter: &FilterConfig<f32>, member: u8) {
-        let spare = usize::from(1 - self.active.unwrap_or(1));
+        let spare = self.spare();
         if usize::from(member) < NARROW {
-            let noise = self.narrow.get(spare).map_or(self.found, |bank| bank.noise(usize::from(member)));
+            let bank = self.places.get(spare).and_then(Place::bank);
+            let noise = bank.map_or(self.found, |bank| bank.noise(usize::from(member)));
             self.phase = Phase::Populate { member };
             self.evaluate(filter, &noise);
         } else {
-            if let Some(bank) = self.narrow.get_mut(spare) {
+            if let Some(bank) = self.places.get_mut(spare).and_then(Place::bank_mut) {
                 bank.start_at(self.stretch.end);
             }
             if let Some(coloured) = self.coloured {
@@ -693,7 +796,7 @@ impl LikelihoodIdentifier {
 
     /// Puts the narrow bank to use; the main filter goes on from its central member.
     fn activate(&mut self, filter: &FilterConfig<f32>, bank: u8) -> Option<Retuned> {
-        let narrow = self.narrow.get(usize::from(bank))?;
+        let narrow = self.places.get(usize::from(bank))?.bank()?;
         let age_s = middle_to_end(filter);
         let mut state = *narrow.member_state(CENTRE)?;
         state.predict(&self.found.model(filter, age_s));
@@ -777,4 +880,126 @@ fn carried(filter: &FilterConfig<f32>, mean: [f32; 4], age_s: f32) -> [f32; 4] {
 
 fn difference(x: [f32; 4], y: [f32; 4]) -> [f32; 4] {
     [x[0] - y[0], x[1] - y[1], x[2] - y[2], x[3] - y[3]]
+}
+
+saved!([] LikelihoodIdentifier {
+    window,
+    wide,
+    begun < WIDE + 1,
+    laid,
+    places,
+    active < 2,
+    simplex,
+    coloured_simplex,
+    replay,
+    coloured_replay,
+    phase,
+    stretch,
+    steps,
+    due,
+    in_use,
+    status,
+    retunes,
+    at_sample,
+    correction,
+    found,
+    found_value,
+    candidate,
+    filter_variance,
+    probes,
+    cosine,
+    coloured,
+    coloured_value,
+    coloured_candidate,
+    coloured_best;
+    fixed
+});
+
+/// Both are words of four bytes, each of which can be anything: who only checks need not know which of them the bytes hold.
+impl Saved for Place {
+    fn walk(&mut self, walk: &mut Walk<'_>) {
+        let mut tag = u8::from(self.bank().is_none());
+        if walk.tag(&mut tag, 2) && (tag == 1) == self.bank().is_some() {
+            self.empty(tag == 1);
+        }
+        let end = walk.here() + SAVED_PLACE as u32;
+        match self {
+            Self::Bank(bank) => bank.walk(walk),
+            Self::ReadOut(read_out) => read_out.walk(walk),
+        }
+        while walk.here() < end {
+            0u32.walk(walk);
+        }
+    }
+}
+
+impl Saved for Phase {
+    fn walk(&mut self, walk: &mut Walk<'_>) {
+        let (mut tag, mut first, mut second) = match *self {
+            Self::Waiting => (0, 0, 0),
+            Self::Search { start } => (1, start, 0),
+            Self::ReadOut { pass } => (2, pass, 0),
+            Self::Fit { channel } => (3, channel, 0),
+            Self::Check { channel } => (4, channel, 0),
+            Self::Coloured { channel, scan } => (5, channel, scan),
+            Self::Probe { probe } => (6, probe, 0),
+            Self::Populate { member } => (7, member, 0),
+            Self::CatchUp => (8, 0, 0),
+        };
+        walk.tag(&mut tag, 9);
+        // The longest series that a phase counts through.
+        walk.tag(&mut first, NARROW as u8);
+        second.walk(walk);
+        *self = match tag {
+            0 => Self::Waiting,
+            1 => Self::Search { start: first },
+            2 => Self::ReadOut { pass: first },
+            3 => Self::Fit { channel: first },
+            4 => Self::Check { channel: first },
+            5 => Self::Coloured { channel: first, scan: second },
+            6 => Self::Probe { probe: first },
+            7 => Self::Populate { member: first },
+            _ => Self::CatchUp,
+        };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::saved::Checksum;
+
+    fn bytes(place: &mut Place) -> [u8; 1 + SAVED_PLACE] {
+        let mut bytes = [0; 1 + SAVED_PLACE];
+        let mut walk = Walk::save(0, &mut bytes);
+        place.walk(&mut walk);
+        assert_eq!((walk.served(), walk.here()), (1 + SAVED_PLACE as u32, 1 + SAVED_PLACE as u32));
+        bytes
+    }
+
+    #[test]
+    fn a_place_is_brought_back_over_whatever_was_there() {
+        let state = Gaussian::independent([0.1, 0.2, 0.3, 0.4], [1.0; 4]);
+        let mut bank = NarrowBank::new();
+        bank.start_member(CENTRE, &state, -3.0);
+        bank.start_at(77);
+        let mut read_out = ReadOut::new();
+        read_out.begin_pass(PASSES - 1, 5);
+        read_out.take(9, &state, true);
+        let (bank, read_out) = (Place::Bank(bank), Place::ReadOut(read_out));
+        for from in [&bank, &read_out] {
+            for over in [&bank, &read_out, &Place::EMPTY] {
+                let (mut from, mut over) = (*from, *over);
+                let (saved, before) = (bytes(&mut from), bytes(&mut over));
+                let mut walk = Walk::check(0, &saved, Checksum::EMPTY);
+                over.walk(&mut walk);
+                assert!(!walk.is_flawed());
+                assert_eq!(bytes(&mut over), before, "a check changes nothing");
+                let mut walk = Walk::restore(0, &saved, Checksum::EMPTY);
+                over.walk(&mut walk);
+                assert_eq!(walk.served() as usize, saved.len());
+                assert_eq!(bytes(&mut over), saved);
+            }
+        }
+    }
 }

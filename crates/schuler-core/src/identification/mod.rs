@@ -20,6 +20,7 @@ mod simplex;
 mod structure;
 mod window;
 
+use crate::saved::{saved, saved_choice};
 pub use autocorrelation::SlidingAutocorrelation;
 pub use bank::{ChannelNoise, FilterBank, Mixture};
 pub use likelihood::{LikelihoodIdentifier, Retuned};
@@ -136,3 +137,7 @@ pub struct IdentificationOutput {
 pub(crate) fn steps_in(duration_s: f32, step_s: f32) -> u64 {
     libm::ceilf(duration_s / step_s) as u64
 }
+
+saved!([] IdentificationConfig { method, first_s, interval_s, limit_factor, prior_width });
+saved_choice!(Method { Off, Published, Likelihood });
+saved_choice!(ChannelStatus { DataSheet, Determined, Weak, Indeterminate, Unobserved });

@@ -11,6 +11,7 @@ use super::structure::{EXPONENTIAL_FLOOR, fit_exponential};
 use super::window::DECIMATION;
 use super::{IdentificationConfig, steps_in};
 use crate::filter::{FilterConfig, Gaussian, MarkovNoise};
+use crate::saved::saved;
 
 /// Estimates in the window, one in ten steps: 2.8 h.
 const WINDOW: usize = 1024;
@@ -62,7 +63,7 @@ impl PublishedLoop {
         if self.steps < self.due {
             return None;
         }
-        self.due = self.steps + steps_in(config.interval_s, filter.step_s);
+        self.due = self.steps.saturating_add(steps_in(config.interval_s, filter.step_s));
         let spacing_s = filter.step_s * DECIMATION as f32;
         let read = |sliding: &SlidingAutocorrelation<f32, WINDOW, LAGS>, old: &MarkovNoise<f32>| {
             fit_exponential(&sliding.autocorrelation(), spacing_s, EXPONENTIAL_FLOOR as f32)
@@ -82,3 +83,5 @@ impl Default for PublishedLoop {
         Self::new()
     }
 }
+
+saved!([] PublishedLoop { accelerometer, gyro, steps, due });

@@ -8,6 +8,7 @@ use super::structure::{
     EXPONENTIAL_FLOOR, Exponential, ExponentialCosine, fit_exponential, fit_exponential_cosine,
 };
 use crate::filter::{Gaussian, Kernel};
+use crate::saved::saved;
 
 /// Lags of the autocorrelation, the zeroth included.
 pub const LAGS: usize = 256;
@@ -29,7 +30,8 @@ struct Channel {
 #[derive(Clone, Copy, Debug)]
 pub struct ReadOut {
     channels: [Channel; 2],
-    pass: usize,
+    /// Any number below [`PASSES`], and never looked at beyond that.
+    pass: u32,
     first: u32,
     count: u32,
 }
@@ -56,9 +58,20 @@ impl ReadOut {
         Self { channels: [channel; 2], pass: 0, first: 0, count: 0 }
     }
 
+    /// Forgets everything.
+    #[inline]
+    pub fn clear(&mut self) {
+        for channel in &mut self.channels {
+            channel.newest.fill(0.0);
+            channel.products.fill(0.0);
+            channel.variance = 0.0;
+        }
+        (self.pass, self.first, self.count) = (0, 0, 0);
+    }
+
     /// Begins pass number `pass` over estimates from sample `first` on (the filter's start is left out).
     pub fn begin_pass(&mut self, pass: usize, first: u32) {
-        self.pass = pass;
+        self.pass = pass as u32;
         self.first = first;
         self.count = 0;
         let lags = pass * LAGS_PER_PASS..(pass + 1) * LAGS_PER_PASS;
@@ -77,7 +90,7 @@ impl ReadOut {
         let counts = counts && index >= self.first;
         let weight = if counts { 1.0 } else { 0.0 };
         self.count += u32::from(counts);
-        let start = self.pass * LAGS_PER_PASS;
+        let start = (self.pass as usize % PASSES) * LAGS_PER_PASS;
         let variances = state.variances();
         let estimates = [(state.mean[2], variances[2]), (state.mean[3], variances[3])];
         for (channel, (estimate, variance)) in self.channels.iter_mut().zip(estimates) {
@@ -107,3 +120,6 @@ impl ReadOut {
         }
     }
 }
+
+saved!([] Channel { newest, products, variance; fixed });
+saved!([] ReadOut { channels, pass, first, count; fixed });

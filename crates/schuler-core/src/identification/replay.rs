@@ -9,6 +9,7 @@ use crate::filter::{
     ColouredGaussian, ColouredModel, ColouredNoise, DiscreteModel, FilterConfig, Gaussian, Kernel,
 };
 use crate::number::CompensatedSum;
+use crate::saved::{Blank, saved};
 
 /// Spread of the velocity error about the first sample where a window does not begin at power-on, m/s.
 const DIFFUSE_VELOCITY: f32 = 1.0;
@@ -179,3 +180,13 @@ impl<H: Hypothesis> Replay<H> {
         self.filter.as_ref().map(|(_, state)| state)
     }
 }
+
+saved!([] Stretch { begin, end, from_start });
+saved!([] ColouredChannels { accelerometer, gyro });
+saved!([H: Hypothesis] Replay<H> where [ModelOf<H>: Blank, H::Kernel: Blank] {
+    filter,
+    variance_of_one,
+    cursor,
+    end,
+    log_likelihood,
+});

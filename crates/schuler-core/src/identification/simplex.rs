@@ -2,22 +2,24 @@
 //!
 //! The function is far too costly for one step of the flight module, so the search hands out the point that it
 //! wants to know and takes the value when it is there. Between the two calls its work is small and bounded.
+use crate::saved::{saved, saved_choice};
 
 /// What the value that comes next is for.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Stage<const D: usize> {
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+enum Stage {
     /// Values of the first simplex.
-    Start(usize),
+    #[default]
+    Start,
     /// The worst vertex mirrored at the others' centre.
     Reflect,
     /// Twice as far, after a reflection that was the best yet.
-    Expand { reflected: [f32; D], value: f32 },
+    Expand,
     /// Half-way out, after a reflection that was only better than the worst.
-    ContractOutside { value: f32 },
+    ContractOutside,
     /// Half-way in.
     ContractInside,
     /// All vertices drawn towards the best.
-    Shrink(usize),
+    Shrink,
 }
 
 /// The search's state, for `D` variables and `V` = `D` + 1 vertices.
@@ -25,7 +27,12 @@ enum Stage<const D: usize> {
 pub struct Simplex<const D: usize, const V: usize> {
     vertices: [[f32; D]; V],
     values: [f32; V],
-    stage: Stage<D>,
+    stage: Stage,
+    /// The vertex whose turn it is in [`Stage::Start`] and [`Stage::Shrink`].
+    vertex: usize,
+    /// The last reflection and its value.
+    reflected: [f32; D],
+    at_reflected: f32,
     /// The point whose value is wanted.
     wanted: [f32; D],
     evaluations: u16,
@@ -40,7 +47,10 @@ impl<const D: usize, const V: usize> Simplex<D, V> {
         Self {
             vertices: [[0.0; D]; V],
             values: [0.0; V],
-            stage: Stage::Start(0),
+            stage: Stage::Start,
+            vertex: 0,
+            reflected: [0.0; D],
+            at_reflected: 0.0,
             wanted: [0.0; D],
             evaluations: 0,
         }
@@ -57,7 +67,10 @@ impl<const D: usize, const V: usize> Simplex<D, V> {
         Self {
             vertices,
             values: [f32::NEG_INFINITY; V],
-            stage: Stage::Start(0),
+            stage: Stage::Start,
+            vertex: 0,
+            reflected: start,
+            at_reflected: f32::NEG_INFINITY,
             wanted: start,
             evaluations: 0,
         }
@@ -76,7 +89,7 @@ impl<const D: usize, const V: usize> Simplex<D, V> {
     /// Difference of the best and the worst value of the simplex; infinite before it is complete.
     pub fn spread(&self) -> f32 {
         match self.stage {
-            Stage::Start(_) => f32::INFINITY,
+            Stage::Start => f32::INFINITY,
             _ => self.values[0] - self.values[V - 1],
         }
     }
@@ -96,32 +109,35 @@ impl<const D: usize, const V: usize> Simplex<D, V> {
         let worst = V - 1;
         let tried = self.wanted;
         let next = match self.stage {
-            Stage::Start(i) => {
-                self.place(i, tried, value);
-                if i + 1 < V { Stage::Start(i + 1) } else { Stage::Reflect }
+            stage @ (Stage::Start | Stage::Shrink) => {
+                self.place(self.vertex, tried, value);
+                self.vertex += 1;
+                if self.vertex < V { stage } else { Stage::Reflect }
             }
-            Stage::Reflect if value > self.values[0] => Stage::Expand { reflected: tried, value },
-            Stage::Reflect if value > self.values[worst - 1] => self.accept(tried, value),
-            Stage::Reflect if value > self.values[worst] => Stage::ContractOutside { value },
-            Stage::Reflect => Stage::ContractInside,
-            Stage::Expand { reflected, value: at_reflected } => {
-                if value > at_reflected {
+            Stage::Reflect => {
+                self.reflected = tried;
+                self.at_reflected = value;
+                if value > self.values[0] {
+                    Stage::Expand
+                } else if value > self.values[worst - 1] {
                     self.accept(tried, value)
+                } else if value > self.values[worst] {
+                    Stage::ContractOutside
                 } else {
-                    self.accept(reflected, at_reflected)
+                    Stage::ContractInside
                 }
             }
-            Stage::ContractOutside { value: at_reflected } if value >= at_reflected => {
-                self.accept(tried, value)
-            }
+            Stage::Expand if value > self.at_reflected => self.accept(tried, value),
+            Stage::Expand => self.accept(self.reflected, self.at_reflected),
+            Stage::ContractOutside if value >= self.at_reflected => self.accept(tried, value),
             Stage::ContractInside if value > self.values[worst] => self.accept(tried, value),
-            Stage::ContractOutside { .. } | Stage::ContractInside => Stage::Shrink(1),
-            Stage::Shrink(i) => {
-                self.place(i, tried, value);
-                if i + 1 < V { Stage::Shrink(i + 1) } else { Stage::Reflect }
+            Stage::ContractOutside | Stage::ContractInside => {
+                self.vertex = 1;
+                Stage::Shrink
             }
         };
         if next == Stage::Reflect {
+            self.vertex = 0;
             self.sort();
         }
         self.stage = next;
@@ -135,7 +151,7 @@ impl<const D: usize, const V: usize> Simplex<D, V> {
         }
     }
 
-    fn accept(&mut self, vertex: [f32; D], value: f32) -> Stage<D> {
+    fn accept(&mut self, vertex: [f32; D], value: f32) -> Stage {
         self.place(V - 1, vertex, value);
         Stage::Reflect
     }
@@ -152,15 +168,15 @@ impl<const D: usize, const V: usize> Simplex<D, V> {
         }
     }
 
-    fn point(&self, stage: Stage<D>) -> [f32; D] {
+    fn point(&self, stage: Stage) -> [f32; D] {
+        let vertex = self.vertices.get(self.vertex).copied().unwrap_or(self.vertices[0]);
         match stage {
-            Stage::Start(i) => self.vertices.get(i).copied().unwrap_or(self.vertices[0]),
+            Stage::Start => vertex,
             Stage::Reflect => self.along(1.0),
-            Stage::Expand { .. } => self.along(2.0),
-            Stage::ContractOutside { .. } => self.along(0.5),
+            Stage::Expand => self.along(2.0),
+            Stage::ContractOutside => self.along(0.5),
             Stage::ContractInside => self.along(-0.5),
-            Stage::Shrink(i) => {
-                let vertex = self.vertices.get(i).copied().unwrap_or(self.vertices[0]);
+            Stage::Shrink => {
                 let mut point = self.vertices[0];
                 for (x, y) in point.iter_mut().zip(vertex) {
                     *x = 0.5 * (*x + y);
@@ -184,6 +200,19 @@ impl<const D: usize, const V: usize> Simplex<D, V> {
         centre
     }
 }
+
+saved_choice!(Stage { Start, Reflect, Expand, ContractOutside, ContractInside, Shrink });
+saved!([const D: usize, const V: usize] Simplex<D, V> {
+    vertices,
+    values,
+    stage,
+    vertex < V,
+    reflected,
+    at_reflected,
+    wanted,
+    evaluations;
+    fixed
+});
 
 #[cfg(test)]
 mod tests {

@@ -10,6 +10,7 @@
 use nalgebra::RealField;
 
 use crate::number::real;
+use crate::saved::{Blank, saved};
 
 /// Correlations below this do not enter the exponential fit. Larger values cost accuracy on long records,
 /// smaller ones bring in lags that are mostly noise.
@@ -231,3 +232,5 @@ impl<T: RealField + Copy> Rotation<T> {
         (self.cosine, self.sine) = (self.cosine * c - self.sine * s, self.sine * c + self.cosine * s);
     }
 }
+
+saved!([T: Blank] ExponentialCosine<T> { variance, alpha, beta, crossing_s, crossing_lag, lags });

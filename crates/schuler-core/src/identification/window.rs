@@ -3,7 +3,8 @@
 //! Input: one velocity error a step (m/s), or a gap. Output: means over [`DECIMATION`] steps with the number of
 //! values in them, kept by absolute index while the newest [`CAPACITY`] last.
 
-use crate::number::real;
+use crate::number::{real, select};
+use crate::saved::{Saved, Walk, saved};
 
 /// Steps averaged into one sample, D.
 pub const DECIMATION: u32 = 10;
@@ -13,6 +14,9 @@ pub const WINDOW: u32 = 2048;
 
 /// Samples kept: the window, and what arrives while an identification of it is under way.
 pub const CAPACITY: usize = 2816;
+
+/// Most steps that can be skipped at a time.
+pub const LONGEST_SKIP: u32 = 600;
 
 /// The mean of up to [`DECIMATION`] values.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -35,11 +39,31 @@ impl Sample {
     }
 }
 
+/// A sample in four bytes: the number of values stands in the last four bits of the mean, which are worth two millionths
+/// of it.
+#[derive(Clone, Copy, Debug)]
+struct Packed(u32);
+
+const COUNT_BITS: u32 = 0xF;
+const _: () = assert!(DECIMATION <= COUNT_BITS);
+
+impl Packed {
+    const GAP: Self = Self(0);
+
+    fn new(sample: Sample) -> Self {
+        let rounded = sample.mean.to_bits().saturating_add(COUNT_BITS.div_ceil(2));
+        Self(rounded & !COUNT_BITS | u32::from(sample.count) & COUNT_BITS)
+    }
+
+    fn sample(self) -> Sample {
+        Sample { mean: f32::from_bits(self.0 & !COUNT_BITS), count: (self.0 & COUNT_BITS) as u8 }
+    }
+}
+
 /// Averages and keeps.
 #[derive(Clone, Copy, Debug)]
 pub struct MeasurementWindow {
-    means: [f32; CAPACITY],
-    counts: [u8; CAPACITY],
+    samples: [Packed; CAPACITY],
     /// Samples completed since the start.
     completed: u32,
     sum: f32,
@@ -50,7 +74,7 @@ pub struct MeasurementWindow {
 impl MeasurementWindow {
     /// An empty window.
     pub const fn new() -> Self {
-        Self { means: [0.0; CAPACITY], counts: [0; CAPACITY], completed: 0, sum: 0.0, present: 0, steps: 0 }
+        Self { samples: [Packed::GAP; CAPACITY], completed: 0, sum: 0.0, present: 0, steps: 0 }
     }
 
     /// Forgets everything.
@@ -66,23 +90,36 @@ impl MeasurementWindow {
         self.sum += value.unwrap_or(0.0);
         self.present += u8::from(value.is_some());
         self.steps += 1;
-        let complete = self.steps == DECIMATION;
-        if complete {
-            // Fewer than half of the values are a gap: their mean would stand for the wrong instant.
-            let enough = u32::from(self.present) * 2 >= DECIMATION;
-            let count = if enough { self.present } else { 0 };
-            let mean = if enough { self.sum / f32::from(self.present.max(1)) } else { 0.0 };
-            let index = self.completed as usize % CAPACITY;
-            if let (Some(slot), Some(slot_count)) = (self.means.get_mut(index), self.counts.get_mut(index)) {
-                *slot = mean;
-                *slot_count = count;
-            }
-            self.completed = self.completed.wrapping_add(1);
-            self.sum = 0.0;
-            self.present = 0;
-            self.steps = 0;
+        self.complete_if(self.steps == DECIMATION)
+    }
+
+    /// Takes up to [`LONGEST_SKIP`] steps without value; with the same work whatever their number.
+    pub fn skip(&mut self, steps: u32) {
+        let mut left = steps;
+        for _ in 0..=LONGEST_SKIP / DECIMATION {
+            let now = left.min(DECIMATION - self.steps);
+            self.steps += now;
+            left -= now;
+            self.complete_if(self.steps == DECIMATION);
         }
-        complete
+    }
+
+    /// Completes a sample where `condition` holds, which is given back.
+    #[inline(always)]
+    fn complete_if(&mut self, condition: bool) -> bool {
+        // Fewer than half of the values are a gap: their mean would stand for the wrong instant.
+        let enough = u32::from(self.present) * 2 >= DECIMATION;
+        let count = select(enough, self.present, 0);
+        let mean = select(enough, self.sum / f32::from(self.present.max(1)), 0.0);
+        let index = self.completed as usize % CAPACITY;
+        if let Some(slot) = self.samples.get_mut(index) {
+            *slot = select(condition, Packed::new(Sample { mean, count }), *slot);
+        }
+        self.completed = self.completed.wrapping_add(u32::from(condition));
+        self.sum = select(condition, 0.0, self.sum);
+        self.present = select(condition, 0, self.present);
+        self.steps = select(condition, 0, self.steps);
+        condition
     }
 
     /// Samples completed since the start: the index of the next one.
@@ -99,15 +136,29 @@ impl MeasurementWindow {
     pub fn sample(&self, index: u32) -> Sample {
         let there = index < self.completed && self.completed - index <= CAPACITY as u32;
         let slot = index as usize % CAPACITY;
-        let mean = self.means.get(slot).copied().unwrap_or(0.0);
-        let count = self.counts.get(slot).copied().unwrap_or(0);
-        if there { Sample { mean, count } } else { Sample::default() }
+        let kept = self.samples.get(slot).copied().unwrap_or(Packed::GAP);
+        select(there, kept, Packed::GAP).sample()
     }
 }
 
 impl Default for MeasurementWindow {
     fn default() -> Self {
         Self::new()
+    }
+}
+
+saved!([] MeasurementWindow {
+    samples,
+    completed,
+    sum,
+    present < DECIMATION,
+    steps < DECIMATION;
+    fixed
+});
+
+impl Saved for Packed {
+    fn walk(&mut self, walk: &mut Walk<'_>) {
+        self.0.walk(walk);
     }
 }
 
@@ -124,6 +175,39 @@ mod tests {
         }
         assert_eq!(window.sample(0), Sample { mean: 4.0, count: 5 });
         assert_eq!(window.sample(1), Sample::default());
+    }
+
+    #[test]
+    fn a_packed_sample_keeps_its_count_and_two_millionths_of_its_mean() {
+        for mean in [0.0, 1e-30, -0.1, 0.333_333_34, -999.999_9, 1000.0] {
+            for count in 0..=10 {
+                let back = Packed::new(Sample { mean, count }).sample();
+                assert_eq!(back.count, count);
+                assert!((back.mean - mean).abs() <= 1e-6 * mean.abs());
+            }
+        }
+    }
+
+    #[test]
+    fn a_skip_is_as_many_steps_without_value() {
+        for skipped in [0, 1, 4, 9, 10, 11, 255, 599, 600] {
+            for before in [0, 3, 7] {
+                let (mut one, mut other) = (MeasurementWindow::new(), MeasurementWindow::new());
+                for step in 0..before + 40 {
+                    if step == before {
+                        one.skip(skipped);
+                        for _ in 0..skipped {
+                            other.push(None);
+                        }
+                    }
+                    assert_eq!(one.push(Some(step as f32)), other.push(Some(step as f32)));
+                }
+                assert_eq!((one.completed(), one.steps()), (other.completed(), other.steps()));
+                for index in 0..one.completed() {
+                    assert_eq!(one.sample(index), other.sample(index));
+                }
+            }
+        }
     }
 
     #[test]

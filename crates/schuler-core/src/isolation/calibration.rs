@@ -1,5 +1,6 @@
 //! The constant part of the parity, from gyro biases, measured over a fault-free period and then frozen.
 //! Equation id FDI-7.
+use crate::saved::saved;
 use nalgebra::Vector2;
 
 /// Mean parity over the first samples of a run.
@@ -28,3 +29,5 @@ impl OffsetCalibration {
         (counts && !self.running()).then_some(mean)
     }
 }
+
+saved!([] OffsetCalibration { samples, sum; fixed needed });

@@ -5,6 +5,7 @@ use super::parity::GYROS;
 use super::thresholds::{FALSE_ALARM_INTERVAL, SLOW_REFERENCE};
 use crate::config::{ConfigError, Problem};
 use crate::filter::positive;
+use crate::saved::saved;
 
 /// Largest relative error of a gyro for which a hard fault still stands out of the noise that is inflated with
 /// the rate which the fault itself feigns.
@@ -112,3 +113,21 @@ impl IsolationConfig {
 fn finite(field: &'static str, value: f64) -> Result<(), ConfigError> {
     if value.is_finite() { Ok(()) } else { Err(ConfigError::new(field, Problem::NotFinite)) }
 }
+
+saved!([] IsolationConfig {
+    axes,
+    sigma,
+    range,
+    offset,
+    calibration_samples,
+    offset_limit,
+    false_alarm_interval,
+    margin,
+    persistence,
+    give_up_samples,
+    relative_error,
+    rate_limit,
+    stuck_samples,
+    lost_samples,
+    readmit_samples,
+});

@@ -15,6 +15,7 @@ pub use super::investigation::{Alarm, Suspicion};
 use super::parity::ParitySpace;
 use super::sums::{Evidence, Watch};
 use super::thresholds::Thresholds;
+use crate::saved::{Blank, saved};
 
 /// How sure the detector must be.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -106,3 +107,5 @@ impl<T: RealField + Copy> FiveGyroDetector<T> {
         }
     }
 }
+
+saved!([T: Blank] FiveGyroDetector<T> { watch, investigation; fixed });

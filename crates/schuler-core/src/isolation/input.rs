@@ -3,6 +3,7 @@
 //! Readings that are too old arrive as missing: how old is too old is decided once for all sensors.
 use super::parity::GYROS;
 use crate::reading::{Quality, Reading};
+use crate::saved::saved;
 
 /// One bit a gyro.
 pub(super) type GyroMask = u8;
@@ -88,3 +89,6 @@ impl Channel {
         self.silent = if usable { 0 } else { self.silent.saturating_add(1) };
     }
 }
+
+saved!([] Channel { last, identical, silent });
+saved!([] InputMonitor { channels; fixed limits });

@@ -6,6 +6,7 @@ use super::geometry::constant;
 use super::parity::ParitySpace;
 use super::sums::Evidence;
 use crate::number::select;
+use crate::saved::{Blank, saved, saved_choice};
 
 /// Parity that the suspect leaves unexplained, squared: chi-square with one degree of freedom, 0.1 %. Above it more
 /// than one gyro has failed.
@@ -144,3 +145,12 @@ impl<T: RealField + Copy> Investigation<T> {
         (raised.is_some(), suspicion, named.then_some(suspicion.gyro))
     }
 }
+
+saved_choice!(Alarm { Quiet, Standing, Withdrawn, GivenUp, Isolated, Settled });
+saved!([T: Blank] Investigation<T> {
+    alarm,
+    evidence,
+    shift,
+    support,
+    age; fixed margin, give_up_samples
+});

@@ -47,6 +47,7 @@ use nalgebra::{ComplexField, Matrix3, SVector, Vector2};
 use crate::config::ConfigError;
 use crate::number::select;
 use crate::reading::Reading;
+use crate::saved::saved;
 use calibration::OffsetCalibration;
 pub use configuration::IsolationConfig;
 use detector::{Alarm, DetectorConfig, FiveGyroDetector};
@@ -414,3 +415,17 @@ fn single(deviations: f64) -> f32 {
     const MOST: f64 = 1e15;
     deviations.clamp(-MOST, MOST) as f32
 }
+
+saved!([] FaultIsolation {
+    input,
+    calibration,
+    five,
+    four,
+    recovery,
+    size,
+    offset,
+    offset_rejected,
+    excluded,
+    covariance;
+    fixed space, lines, determinants, estimator, inverse_sigma, inflation, rate_limit_squared, offset_limit, margin
+});

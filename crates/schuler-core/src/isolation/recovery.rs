@@ -1,4 +1,5 @@
 //! When a block that was found faulty is whole again. Equation id FDI-9.
+use crate::saved::saved;
 use nalgebra::Vector2;
 
 /// Bound of the squared mean parity over its variance: chi-square with 2 degrees of freedom, 95 %.
@@ -46,3 +47,5 @@ impl RecoveryMonitor {
         passed
     }
 }
+
+saved!([] RecoveryMonitor { samples, energy, sum; fixed needed });

@@ -10,6 +10,7 @@ use super::geometry::constant;
 use super::sums::{Gate, SumKind};
 use super::thresholds::Thresholds;
 use crate::number::select;
+use crate::saved::{Blank, saved};
 
 /// What one sample of the four gyros did.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -116,3 +117,11 @@ impl<T: RealField + Copy> FourGyroDetector<T> {
         Disagreement { outlier, raised, alarm: self.alarm, level }
     }
 }
+
+saved!([T: Blank] FourGyroDetector<T> {
+    sums,
+    run,
+    alarm,
+    cause,
+    support; fixed kinds, gate, margin
+});

@@ -2,6 +2,7 @@
 use nalgebra::Vector2;
 
 use super::parity::ParitySpace;
+use crate::saved::saved;
 
 /// Number of samples over which the size is averaged at most.
 const WINDOW: u32 = 1000;
@@ -34,3 +35,5 @@ impl FaultSize {
         (space.fault_size(&self.mean, gyro), sigma * known)
     }
 }
+
+saved!([] FaultSize { samples, mean });

@@ -5,6 +5,7 @@ use super::geometry::constant;
 use super::parity::{GYROS, ParitySpace};
 use super::thresholds::{FAST_REFERENCE, SLOW_REFERENCE, Thresholds};
 use crate::number::select;
+use crate::saved::{Blank, saved};
 
 /// Parity vectors added up, and how many.
 #[derive(Clone, Copy, Debug)]
@@ -205,3 +206,8 @@ impl<T: RealField + Copy> Watch<T> {
         Sighting { outlier, limited, level, alarm }
     }
 }
+
+saved!([T: Blank] Evidence<T> { samples, sum });
+saved!([T: Blank] SumKind<T> { sign, reference, inverse_threshold });
+saved!([T: Blank] OneSidedSum<T> { level, evidence });
+saved!([T: Blank] Watch<T> { sums, run; fixed kinds, gate });

@@ -7,6 +7,7 @@ use crate::filter::{FilterConfig, MarkovNoise, positive};
 use crate::health::HealthConfig;
 use crate::identification::IdentificationConfig;
 use crate::isolation::{FaultIsolation, IsolationConfig};
+use crate::saved::{Saved, Walk};
 use crate::thermal::TemperatureRateConfig;
 
 /// Everything that the module can be told before the flight.
@@ -53,6 +54,27 @@ impl Default for ModuleConfig {
 }
 
 impl ModuleConfig {
+    /// Hands everything to the walk, to tell one configuration from another.
+    pub(super) fn walk(&mut self, walk: &mut Walk<'_>) {
+        let Self { filter, identification, isolation, thermometers, health, max_age_ms, velocity_range } =
+            self;
+        filter.walk(walk);
+        identification.walk(walk);
+        isolation.walk(walk);
+        for thermometer in thermometers {
+            thermometer.is_some().walk(walk);
+            if let Some(thermometer) = thermometer {
+                thermometer.walk(walk);
+            }
+        }
+        health.is_some().walk(walk);
+        if let Some(health) = health {
+            health.walk(walk);
+        }
+        max_age_ms.walk(walk);
+        velocity_range.walk(walk);
+    }
+
     /// Whether a module can be built from this.
     ///
     /// # Errors

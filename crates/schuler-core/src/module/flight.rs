@@ -6,20 +6,21 @@ use super::input::{Command, StepInput};
 use super::output::{Status, StepOutput};
 use super::thermometer::Thermometer;
 use super::time::{Clock, Passage};
-use super::velocity::{Identifiers, VelocityChannel, usable};
+use super::velocity::{Identifier, VelocityChannel, usable};
 use super::{HEALTH_LEVELS, THERMOMETERS};
 use crate::compensation::{Block, Compensation, Compensator, Known};
 use crate::config::{ConfigError, Problem};
 use crate::health::{HealthConfig, HealthMonitor, HealthOutput};
 use crate::isolation::FaultIsolation;
 use crate::reading::{Quality, Reading};
+use crate::saved::{Saved, Walk, saved};
 use crate::thermal::{TemperatureRateOutput, ThermalState};
 
-/// The flight module's whole state: about 73 kB. Keep it in a static and configure it there.
+/// The flight module's whole state: about 50 kB. Keep it in a static and configure it there.
 #[derive(Clone, Copy, Debug)]
 pub struct FlightModule {
     stage: Stage,
-    identifiers: Identifiers,
+    identifier: Identifier,
     parts: Parts,
 }
 
@@ -63,6 +64,10 @@ struct Running {
     isolation: FaultIsolation,
     /// What happened since the last step, for its status.
     news: Status,
+    /// What the block in force was called by whoever loaded it.
+    compensation_name: Option<u32>,
+    /// A saved state is being brought back; there is no step until it is whole.
+    incomplete: bool,
 }
 
 impl FlightModule {
@@ -73,7 +78,7 @@ impl FlightModule {
             compensator: Slot::Empty,
             health: Slot::Empty,
         };
-        Self { stage: Stage::Waiting, identifiers: Identifiers::new(), parts }
+        Self { stage: Stage::Waiting, identifier: Identifier::IDLE, parts }
     }
 
     /// Checks the configuration and starts the module anew from it, in place and without a compensation block. On an error the
@@ -93,9 +98,11 @@ impl FlightModule {
             velocity: VelocityChannel::try_build(&config.filter)?,
             isolation: FaultIsolation::try_build(&config.isolation)?,
             news: Status::empty(),
+            compensation_name: None,
+            incomplete: false,
         });
         self.parts.start(config)?;
-        self.identifiers.start(&config.filter, &config.identification);
+        self.identifier.start(&config.filter, &config.identification);
         Ok(())
     }
 
@@ -105,6 +112,7 @@ impl FlightModule {
     ///
     /// # Errors
     /// The first field that cannot be flown, or that there is no configuration yet.
+    #[inline(never)]
     pub fn load_compensation(&mut self, block: &Block) -> Result<(), ConfigError> {
         let (Stage::Running(running), Slot::Full(compensator)) =
             (&mut self.stage, &mut self.parts.compensator)
@@ -115,24 +123,87 @@ impl FlightModule {
         let corrects_velocity = block.has_velocity_terms();
         if corrects_velocity || running.corrects_velocity {
             running.velocity = VelocityChannel::try_build(&running.config.filter)?;
-            self.identifiers.start(&running.config.filter, &running.config.identification);
+            self.identifier.start(&running.config.filter, &running.config.identification);
             running.news |= Status::VELOCITY_RESTARTED;
         }
         running.news |= Status::COMPENSATION_LOADED;
+        running.compensation_name = None;
         running.corrects_velocity = corrects_velocity;
         Ok(())
     }
 
     /// One step. Never panics; whatever the input, the state stays usable.
     pub fn step(&mut self, input: &StepInput) -> StepOutput {
-        let Stage::Running(running) = &mut self.stage else {
-            return StepOutput {
-                time_ms: input.time_ms,
-                status: Status::NOT_CONFIGURED,
-                ..StepOutput::default()
-            };
-        };
-        running.step(&mut self.identifiers, &mut self.parts, input)
+        match &mut self.stage {
+            Stage::Running(running) if !running.incomplete => {
+                running.step(&mut self.identifier, &mut self.parts, input)
+            }
+            _ => {
+                StepOutput { time_ms: input.time_ms, status: Status::NOT_CONFIGURED, ..StepOutput::default() }
+            }
+        }
+    }
+
+    /// Steps since configuration, those before a state was brought back included.
+    pub fn steps(&self) -> u64 {
+        self.running().map_or(0, |running| running.steps)
+    }
+
+    /// Time of the last step, milliseconds.
+    pub fn last_time_ms(&self) -> Option<u64> {
+        self.running()?.clock.last_ms()
+    }
+
+    /// Keeps what the compensation block in force is called; it is saved with the state.
+    pub fn name_compensation(&mut self, name: u32) {
+        if let Stage::Running(running) = &mut self.stage {
+            running.compensation_name = Some(name);
+        }
+    }
+
+    /// What the compensation block in force is called.
+    pub fn compensation_name(&self) -> Option<u32> {
+        self.running()?.compensation_name
+    }
+
+    fn running(&self) -> Option<&Running> {
+        match &self.stage {
+            Stage::Running(running) => Some(running),
+            Stage::Waiting => None,
+        }
+    }
+
+    /// Tells one configuration from another; none while there is none.
+    pub(super) fn fingerprint(&mut self) -> Option<u32> {
+        match &mut self.stage {
+            Stage::Running(running) => {
+                let mut sum = Walk::sum();
+                running.config.walk(&mut sum);
+                Some(sum.checksum().value())
+            }
+            Stage::Waiting => None,
+        }
+    }
+
+    /// Hands everything that changes from step to step to the walk.
+    pub(crate) fn walk(&mut self, walk: &mut Walk<'_>) {
+        if let Stage::Running(running) = &mut self.stage {
+            self.identifier.walk(walk);
+            running.walk(walk);
+            self.parts.walk(walk);
+        }
+    }
+
+    /// Whether a state is being brought back and is not whole.
+    pub(super) fn is_incomplete(&self) -> bool {
+        self.running().is_some_and(|running| running.incomplete)
+    }
+
+    /// No steps until the state is whole.
+    pub(super) fn set_incomplete(&mut self, incomplete: bool) {
+        if let Stage::Running(running) = &mut self.stage {
+            running.incomplete = incomplete;
+        }
     }
 }
 
@@ -169,7 +240,7 @@ impl Parts {
 
 impl Running {
     #[inline(never)]
-    fn step(&mut self, identifiers: &mut Identifiers, parts: &mut Parts, input: &StepInput) -> StepOutput {
+    fn step(&mut self, identifier: &mut Identifier, parts: &mut Parts, input: &StepInput) -> StepOutput {
         self.steps += 1;
         let config = &self.config;
         let mut status = core::mem::replace(&mut self.news, Status::empty());
@@ -217,7 +288,7 @@ impl Running {
         // Velocity channel.
         let measured = velocity.map(|velocity| velocity - compensation.velocity);
         let (filter, identification) =
-            self.velocity.step(identifiers, config, passage, measured, compensation.loop_errors, &mut status);
+            self.velocity.step(identifier, config, passage, measured, compensation.loop_errors, &mut status);
 
         // Gyro block.
         let readmit = match input.command {
@@ -258,4 +329,25 @@ impl Running {
 /// The value of a reading that can be used.
 fn value_of(reading: Reading<f64>) -> Option<f64> {
     (reading.quality == Quality::Good && reading.value.is_finite()).then_some(reading.value)
+}
+
+saved!([] Running {
+    steps,
+    clock,
+    corrects_velocity,
+    velocity,
+    isolation,
+    news,
+    compensation_name;
+    fixed config, incomplete
+});
+saved!([] Parts { thermometers, compensator, health; fixed });
+
+/// Full from the configuration on; before, nothing is saved.
+impl<T: Saved> Saved for Slot<T> {
+    fn walk(&mut self, walk: &mut Walk<'_>) {
+        if let Self::Full(part) = self {
+            part.walk(walk);
+        }
+    }
 }

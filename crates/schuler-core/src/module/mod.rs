@@ -26,6 +26,7 @@
 //! | `thermometer` | one thermometer and how long it has been silent |
 //! | `velocity` | error filter and noise identification: the velocity channel |
 //! | `flight` | [`FlightModule`]: the step |
+//! | `state` | the state of the module as bytes, to go on after a power cycle |
 //!
 //! In a step: time; temperatures and rates; corrections; velocity channel; gyro block; health monitor. A part without
 //! configuration runs on missing readings: its output says that it has none, and the work of a step is the same.
@@ -33,6 +34,7 @@ mod config;
 mod flight;
 mod input;
 mod output;
+mod state;
 mod thermometer;
 mod time;
 mod velocity;
@@ -41,6 +43,7 @@ pub use config::ModuleConfig;
 pub use flight::FlightModule;
 pub use input::{Command, StepInput};
 pub use output::{Status, StepOutput};
+pub use state::{STATE_VERSION, StateError, StateLoader, StatePass};
 
 /// Number of gyros in the block.
 pub const GYROS: usize = 5;

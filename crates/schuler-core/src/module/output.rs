@@ -8,6 +8,7 @@ use crate::filter::FilterOutput;
 use crate::health::HealthOutput;
 use crate::identification::IdentificationOutput;
 use crate::isolation::IsolationOutput;
+use crate::saved::saved_flags;
 use crate::thermal::TemperatureRateOutput;
 
 /// What the module gives back.
@@ -66,3 +67,5 @@ bitflags! {
         const VELOCITY_RESTARTED = 1 << 12;
     }
 }
+
+saved_flags!(Status);

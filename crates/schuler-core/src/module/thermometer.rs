@@ -1,6 +1,7 @@
 //! One thermometer: temperature, rate, and how long it has been silent.
 use crate::config::ConfigError;
 use crate::reading::Reading;
+use crate::saved::saved;
 use crate::thermal::{
     TemperatureRate, TemperatureRateConfig, TemperatureRateOutput, ThermalState, ThermalStatus,
 };
@@ -48,3 +49,5 @@ impl Thermometer {
         (output, ThermalState { rate: known.rate.filter(|_| recent), ..known })
     }
 }
+
+saved!([] Thermometer { estimator, heard_ms; fixed on });

@@ -1,4 +1,5 @@
 //! What the time stamps say, and a clock that only runs forward.
+use crate::saved::saved;
 
 /// Longest gap that is bridged, in steps. After a longer one the time that has passed is not trusted.
 const LONGEST_GAP: u64 = 600;
@@ -64,6 +65,11 @@ impl Clock {
         passage
     }
 
+    /// Time of the last step, milliseconds.
+    pub(super) fn last_ms(&self) -> Option<u64> {
+        self.last_ms
+    }
+
     /// Time that has passed, milliseconds, for parts that need more than steps.
     pub(super) fn steady_ms(&self) -> u64 {
         self.steady_ms
@@ -84,3 +90,5 @@ fn passage(last_ms: Option<u64>, now_ms: u64, step_s: f32) -> Passage {
         Passage::Jump
     }
 }
+
+saved!([] Clock { last_ms, steady_ms });

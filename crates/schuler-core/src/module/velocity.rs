@@ -11,22 +11,52 @@ use crate::identification::{
     IdentificationOutput, LikelihoodIdentifier, Method, NoiseEstimate, PublishedLoop, Retuned,
 };
 use crate::reading::{Quality, Reading};
+use crate::saved::{Saved, Walk, saved};
 
-/// The identifiers. Large, and constant before the start: they stay where they are built.
+/// The identifier that the configuration asks for. Large: it stays where it is built.
+///
+/// The tag stands by itself and the first variant, idle, is all zeros: a module that waits costs no flash.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Identifiers {
-    likelihood: LikelihoodIdentifier,
-    published: PublishedLoop,
+#[repr(u8)]
+#[expect(clippy::large_enum_variant, reason = "there is exactly one, and it is never moved")]
+pub(super) enum Identifier {
+    Likelihood(LikelihoodIdentifier),
+    Published(PublishedLoop),
+    Off,
 }
 
-impl Identifiers {
-    pub(super) const fn new() -> Self {
-        Self { likelihood: LikelihoodIdentifier::new(), published: PublishedLoop::new() }
+impl Identifier {
+    /// Before the configuration.
+    pub(super) const IDLE: Self = Self::Likelihood(LikelihoodIdentifier::new());
+
+    /// Starts anew, in place.
+    pub(super) fn start(&mut self, filter: &FilterConfig<f32>, config: &IdentificationConfig) {
+        // Zeros written where they are to be. Any other value would be made on the stack first, for which it is too large,
+        // unless nothing of it is left by the start.
+        match (config.method, &*self) {
+            (Method::Off, _) => *self = Self::Off,
+            (Method::Published, Self::Published(_)) | (Method::Likelihood, Self::Likelihood(_)) => (),
+            (Method::Published, _) => *self = Self::Published(PublishedLoop::new()),
+            (Method::Likelihood, _) => *self = Self::IDLE,
+        }
+        match self {
+            Self::Off => (),
+            Self::Published(published) => published.start(filter, config),
+            Self::Likelihood(likelihood) => likelihood.start(filter, config),
+        }
     }
 
-    pub(super) fn start(&mut self, filter: &FilterConfig<f32>, config: &IdentificationConfig) {
-        self.likelihood.start(filter, config);
-        self.published.start(filter, config);
+    /// Starts the likelihood identifier anew, whose window must not reach over a jump of the clock.
+    fn restart(&mut self, filter: &FilterConfig<f32>, config: &IdentificationConfig) {
+        if let Self::Likelihood(likelihood) = self {
+            likelihood.restart(filter, config);
+        }
+    }
+
+    fn skip(&mut self, steps: u32) {
+        if let Self::Likelihood(likelihood) = self {
+            likelihood.skip(steps);
+        }
     }
 }
 
@@ -62,7 +92,7 @@ impl VelocityChannel {
     /// accelerometer, m/s², and gyro, rad/s, in the loop.
     pub(super) fn step(
         &mut self,
-        identifiers: &mut Identifiers,
+        identifier: &mut Identifier,
         config: &ModuleConfig,
         passage: Passage,
         measured: Option<f32>,
@@ -72,7 +102,7 @@ impl VelocityChannel {
         let duration_s = f64::from(passage.moved()) * f64::from(config.filter.step_s);
         self.response.pass(loop_errors, config.filter.radius_m, config.filter.gravity, duration_s);
         let measured = measured.map(|velocity| velocity - self.response.velocity());
-        self.pass(identifiers, config, passage, measured);
+        self.pass(identifier, config, passage, measured);
         let measured = measured.filter(|_| passage != Passage::Backwards);
 
         // Filter.
@@ -88,7 +118,7 @@ impl VelocityChannel {
 
         // Identification.
         let usable = measured.filter(|_| !step.gated);
-        let (averaged, known) = self.identify(identifiers, config, usable, status);
+        let (averaged, known) = self.identify(identifier, config, usable, status);
         let in_use = self
             .coloured
             .as_ref()
@@ -114,53 +144,48 @@ impl VelocityChannel {
     /// Moves over what has passed before the step.
     fn pass(
         &mut self,
-        identifiers: &mut Identifiers,
+        identifier: &mut Identifier,
         config: &ModuleConfig,
         passage: Passage,
         measured: Option<f32>,
     ) {
-        match passage {
-            Passage::OneStep | Passage::Backwards => {}
-            Passage::Missing(steps) => {
-                let duration_s = steps as f32 * config.filter.step_s;
-                self.filter.coast(&self.in_use.model(&config.filter, duration_s));
-                if let Some((coloured, noise)) = &mut self.coloured {
-                    coloured.coast(&noise.model(&config.filter, duration_s));
-                }
-                identifiers.likelihood.skip(steps);
-            }
-            Passage::Jump => {
-                // How long it really was is unknown: the velocity starts from the measurement.
-                let velocity = measured.unwrap_or(self.filter.state().mean()[0]);
-                self.filter.reacquire(velocity);
-                self.coloured = None;
-                identifiers.likelihood.start(&config.filter, &config.identification);
-            }
+        // Missing steps are coasted over; the work is done where none is missing, too.
+        let missing = if let Passage::Missing(steps) = passage { steps } else { 0 };
+        let duration_s = missing.max(1) as f32 * config.filter.step_s;
+        self.filter.coast_if(missing > 0, &self.in_use.model(&config.filter, duration_s));
+        if let Some((coloured, noise)) = &mut self.coloured {
+            coloured.coast_if(missing > 0, &noise.model(&config.filter, duration_s));
+        }
+        identifier.skip(missing);
+        if passage == Passage::Jump {
+            // How long it really was is unknown: the velocity starts from the measurement.
+            let velocity = measured.unwrap_or(self.filter.state().mean()[0]);
+            self.filter.reacquire(velocity);
+            self.coloured = None;
+            identifier.restart(&config.filter, &config.identification);
         }
     }
 
     /// The estimate averaged over what is not known of the noise, if there is one, and how well the noise is known.
     fn identify(
         &mut self,
-        identifiers: &mut Identifiers,
+        identifier: &mut Identifier,
         config: &ModuleConfig,
         usable: Option<f32>,
         status: &mut Status,
     ) -> (Option<AveragedEstimate>, [ChannelStatus; 2]) {
         let (filter, identification) = (&config.filter, &config.identification);
         let state = *self.filter.state();
-        match identification.method {
-            Method::Off => (None, [ChannelStatus::DataSheet; 2]),
-            Method::Published => {
-                if let Some(noise) = identifiers.published.step(filter, identification, &self.in_use, &state)
-                {
+        match identifier {
+            Identifier::Off => (None, [ChannelStatus::DataSheet; 2]),
+            Identifier::Published(published) => {
+                if let Some(noise) = published.step(filter, identification, &self.in_use, &state) {
                     self.retune(filter, &noise);
                     *status |= Status::RETUNED;
                 }
                 (None, [ChannelStatus::DataSheet; 2])
             }
-            Method::Likelihood => {
-                let likelihood = &mut identifiers.likelihood;
+            Identifier::Likelihood(likelihood) => {
                 let retuned = likelihood.step(filter, identification, usable, &state);
                 if let Some(Retuned { noise, state, coloured }) = retuned {
                     self.retune(filter, &noise);
@@ -200,4 +225,17 @@ pub(super) fn usable(reading: &Reading<f32>, config: &ModuleConfig, status: &mut
     };
     *status |= problem;
     None
+}
+
+saved!([] VelocityChannel { filter, in_use, retunes, coloured, response; fixed });
+
+/// Which of them it is the configuration says.
+impl Saved for Identifier {
+    fn walk(&mut self, walk: &mut Walk<'_>) {
+        match self {
+            Self::Off => {}
+            Self::Published(published) => published.walk(walk),
+            Self::Likelihood(likelihood) => likelihood.walk(walk),
+        }
+    }
 }

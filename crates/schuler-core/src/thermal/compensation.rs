@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::features::{Coefficient, CompensationStatus, FEATURES, FeatureMap, ThermalState, at};
 use crate::config::{ConfigError, Problem};
+use crate::saved::saved;
 
 /// Version of the coefficient block that this code understands.
 pub const BLOCK_VERSION: u16 = 1;
@@ -217,3 +218,7 @@ impl AxisCoefficients {
 fn largest(coefficient: &[f32; FEATURES], limits: &Coefficient) -> f32 {
     coefficient.iter().zip(limits).fold(0.0, |sum, (c, l)| sum + (c * l).max(-c * l))
 }
+
+saved!([] TriadCoefficients { bias, matrix });
+saved!([] CompensationBlock { version, features, gyro, accelerometer });
+saved!([] Compensator { block });

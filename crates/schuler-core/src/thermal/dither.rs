@@ -7,6 +7,7 @@
 //! within a factor of two of its error for noise from 0.2 to 3 quanta.
 use super::regression::Estimate;
 use super::{Scalar, real};
+use crate::saved::{Blank, saved};
 
 /// The level reversed this recently, s, counts as dithering now.
 const RECENT: f64 = 30.0;
@@ -128,3 +129,6 @@ impl<F: Scalar> ConstantRate<F> {
         }
     }
 }
+
+saved!([F: Blank] Dither<F> { elapsed, since_reversal, rose, share, found });
+saved!([F: Blank] ConstantRate<F> { temperature, rate, p, innovation, rounding, misses });

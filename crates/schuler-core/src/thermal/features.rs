@@ -5,6 +5,8 @@ use serde::{Deserialize, Serialize};
 
 use super::rate::{TemperatureRateOutput, ThermalStatus};
 use crate::config::{ConfigError, Problem};
+use crate::number::select;
+use crate::saved::saved;
 
 /// Number of features: constant, temperature, rate, three components of the gradient.
 pub const FEATURES: usize = 6;
@@ -129,32 +131,35 @@ impl FeatureMap {
         let mut status = CompensationStatus::empty();
         let finite = |v: &f32| v.is_finite();
         let temperature = state.temperature.filter(finite);
+        let temperature_known = temperature.is_some();
         let rate = state.rate.filter(finite);
         let gradient = state.gradient.filter(|g| g.iter().all(finite));
-        status.set(CompensationStatus::NO_TEMPERATURE, temperature.is_none());
+        status.set(CompensationStatus::NO_TEMPERATURE, !temperature_known);
         status.set(CompensationStatus::NO_RATE, rate.is_none());
         status.set(CompensationStatus::NO_GRADIENT, gradient.is_none());
 
         // Flagged beyond the range of the calibration, kept within the range of the check.
-        let mut within = |value: f32, [low, high]: [f32; 2], [least, most]: [f32; 2]| {
-            let outside = value < low || value > high;
-            status.set(
-                CompensationStatus::OUT_OF_RANGE,
-                status.contains(CompensationStatus::OUT_OF_RANGE) || outside,
-            );
+        let mut outside = false;
+        let mut within = |known: bool, value: f32, [low, high]: [f32; 2], [least, most]: [f32; 2]| {
+            outside |= known & ((value < low) | (value > high));
             value.max(least).min(most)
         };
         let [low, high] = self.temperature_range;
         let margin = TEMPERATURE_MARGIN * (high - low);
         // Where the temperature is not known the range does not matter: the reference may lie outside it.
-        let t = temperature.map_or(self.reference_temperature, |t| {
-            within(t, self.temperature_range, [low - margin, high + margin])
-        });
+        let held = within(
+            temperature_known,
+            temperature.unwrap_or_default(),
+            self.temperature_range,
+            [low - margin, high + margin],
+        );
+        let t = select(temperature_known, held, self.reference_temperature);
         let symmetric = |limit: f32| ([-limit, limit], [-limit * LIMIT_MARGIN, limit * LIMIT_MARGIN]);
         let (calibrated, checked) = symmetric(self.rate_limit);
-        let d = within(rate.unwrap_or(0.0), calibrated, checked);
+        let d = within(true, rate.unwrap_or_default(), calibrated, checked);
         let (calibrated, checked) = symmetric(self.gradient_limit);
-        let g = gradient.unwrap_or([0.0; 3]).map(|g| within(g, calibrated, checked));
+        let g = gradient.unwrap_or_default().map(|g| within(true, g, calibrated, checked));
+        status.set(CompensationStatus::OUT_OF_RANGE, outside);
         let [gx, gy, gz] = g.map(|g| g / self.gradient_scale);
         let phi =
             [1.0, (t - self.reference_temperature) / self.temperature_scale, d / self.rate_scale, gx, gy, gz];
@@ -174,5 +179,17 @@ impl FeatureMap {
 
 /// The coefficient's value at φ.
 pub(super) fn at(coefficient: &Coefficient, phi: &Coefficient) -> f32 {
-    coefficient.iter().zip(phi).fold(0.0, |sum, (c, p)| sum + c * p)
+    // Written out: this is most of a correction, and the image does not unroll loops as long as this.
+    let ([a, b, c, d, e, f], [p, q, r, s, t, u]) = (coefficient, phi);
+    0.0 + a * p + b * q + c * r + d * s + e * t + f * u
 }
+
+saved!([] FeatureMap {
+    reference_temperature,
+    temperature_scale,
+    rate_scale,
+    gradient_scale,
+    temperature_range,
+    rate_limit,
+    gradient_limit,
+});

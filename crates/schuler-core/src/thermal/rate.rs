@@ -17,6 +17,7 @@ use super::{Scalar, real, seconds_between};
 use crate::config::{ConfigError, Problem};
 use crate::number::select;
 use crate::reading::{Quality, Reading};
+use crate::saved::{Blank, saved, saved_choice, saved_flags};
 
 /// Readings outside this range are not temperatures, degC.
 const VALID_RANGE: (f64, f64) = (-80.0, 150.0);
@@ -106,6 +107,11 @@ impl<F: Scalar> TemperatureRateConfig<F> {
         Ok(())
     }
 
+    /// From a level to the middle of its interval, degC.
+    fn middle(&self) -> F {
+        self.quantiser.middle(self.quantum)
+    }
+
     fn model(&self) -> Model<F> {
         Model {
             time_constant: F::from_u16(self.time_constant_s).unwrap_or_else(F::one),
@@ -169,15 +175,16 @@ pub struct TemperatureRate<F> {
     counts: TemperatureRateCounts,
     /// Readings whose time did not increase, in a row.
     clock_faults: u32,
-    /// `None` before the first reading.
-    running: Option<Running<F>>,
+    /// There has been a reading.
+    started: bool,
+    window: Window<F>,
+    running: Running<F>,
     last: TemperatureRateOutput<F>,
 }
 
-/// State since the last start.
+/// State since the last start, but for the window: small enough to be copied.
 #[derive(Clone, Copy, Debug)]
 struct Running<F> {
-    window: Window<F>,
     fit: Fit<F>,
     /// Time of the last reading used, ms.
     last_ms: u64,
@@ -220,7 +227,9 @@ impl<F: Scalar> TemperatureRate<F> {
             status: ThermalStatus::NO_READING,
         };
         let counts = TemperatureRateCounts::default();
-        Ok(Self { config: *config, counts, clock_faults: 0, running: None, last })
+        let running = Running::start(EPOCH_MS, zero, config);
+        let window = Window::start(EPOCH_MS, zero);
+        Ok(Self { config: *config, counts, clock_faults: 0, started: false, window, running, last })
     }
 
     /// One reading of the thermometer, degC, at `time_ms` less its age [TMP-7]. Never panics; a reading that
@@ -232,23 +241,25 @@ impl<F: Scalar> TemperatureRate<F> {
             && y.is_finite()
             && y >= real(VALID_RANGE.0)
             && y <= real(VALID_RANGE.1);
-        let backwards = self.running.is_some_and(|r| now_ms <= r.last_ms);
+        let backwards = self.started & (now_ms <= self.running.last_ms);
         self.clock_faults = if usable && backwards { self.clock_faults.saturating_add(1) } else { 0 };
         let clock_was_set = self.clock_faults >= CLOCK_PATIENCE;
         let accepted = usable && (!backwards || clock_was_set);
 
-        // The whole step is worked out on a copy, with zero in place of an unusable reading, and kept if accepted.
-        let y = if usable { y } else { F::zero() };
-        let gap = self.running.is_some_and(|r| now_ms.saturating_sub(r.last_ms) > RESTART_GAP_MS);
-        let restarted = gap || clock_was_set;
+        // The whole step is worked out on a copy, with zero in place of an unusable reading, and kept if accepted. The
+        // window, too large to be copied, changes only then.
+        let y = select(usable, y, F::zero());
+        let gap = self.started & (now_ms.saturating_sub(self.running.last_ms) > RESTART_GAP_MS);
+        let restarted = gap | clock_was_set;
         // A fresh start is made in every step and taken in few; so is the old state kept.
-        let old = self.running;
+        let begins = restarted | !self.started;
         let fresh = Running::start(now_ms, y, &self.config);
-        let mut running = *select(restarted, &fresh, old.as_ref().unwrap_or(&fresh));
+        let mut running = *select(begins, &fresh, &self.running);
         let mut counts = self.counts;
-        running.update(now_ms, y, &self.config, &mut counts);
-        running.window.expire(now_ms, u64::from(self.config.window_s) * 1000);
-        running.fit = Fit::of(&running.window, self.config.model());
+        self.window.restart_if(begins & accepted, now_ms, y + self.config.middle());
+        running.update(&mut self.window, accepted, now_ms, y, &self.config, &mut counts);
+        self.window.expire_if(accepted, now_ms, u64::from(self.config.window_s) * 1000);
+        running.fit = Fit::of(&self.window, self.config.model());
         running.last_ms = now_ms;
         counts.restarts = counts.restarts.saturating_add(u32::from(restarted));
         let fitted = running.fit.at(now_ms);
@@ -257,11 +268,12 @@ impl<F: Scalar> TemperatureRate<F> {
         let Estimate { temperature, rate, temperature_sigma, rate_sigma } =
             if dithers { filtered } else { fitted };
         let mut status = ThermalStatus::empty();
-        status.set(ThermalStatus::SETTLING, running.window.settling());
+        status.set(ThermalStatus::SETTLING, self.window.settling());
         status.set(ThermalStatus::RESTARTED, restarted);
         status.set(ThermalStatus::DITHER, dithers);
 
-        self.running = *select(accepted, &Some(running), &old);
+        self.started |= accepted;
+        self.running = *select(accepted, &running, &self.running);
         if accepted {
             self.counts = counts;
             self.clock_faults = 0;
@@ -281,7 +293,7 @@ impl<F: Scalar> TemperatureRate<F> {
 
     /// The updates in use, oldest first; times in ms on the clock of the readings plus 360 000.
     pub fn entries(&self) -> impl Iterator<Item = Entry<F>> + '_ {
-        let window = self.running.as_ref().map(|r| &r.window);
+        let window = self.started.then_some(&self.window);
         window.into_iter().flat_map(|w| (0..w.len()).map(|age| w.entry(age)))
     }
 }
@@ -289,9 +301,8 @@ impl<F: Scalar> TemperatureRate<F> {
 impl<F: Scalar> Running<F> {
     /// First reading: the temperature was `y` for six minutes, its rate zero [TMP-6].
     fn start(now_ms: u64, y: F, config: &TemperatureRateConfig<F>) -> Self {
-        let middle = y + config.quantiser.middle(config.quantum);
+        let middle = y + config.middle();
         Self {
-            window: Window::start(now_ms, middle),
             fit: Fit::constant(now_ms, middle),
             last_ms: now_ms,
             history: [y; 2],
@@ -304,9 +315,11 @@ impl<F: Scalar> Running<F> {
         }
     }
 
-    /// Stores what this reading tells: M1, else M2, else M3 [TMP-4].
+    /// Stores what this reading tells: M1, else M2, else M3 [TMP-4]; in the window only what is `accepted`.
     fn update(
         &mut self,
+        window: &mut Window<F>,
+        accepted: bool,
         now_ms: u64,
         y: F,
         config: &TemperatureRateConfig<F>,
@@ -323,39 +336,39 @@ impl<F: Scalar> Running<F> {
         // Spikes are for the median to stop; noise must pass as it is.
         let spread = q + self.constant_rate.innovation_sigma() * real(3.0);
         let within = y.max(level - spread).min(level + spread);
-        self.constant_rate.update(dt, within + config.quantiser.middle(q));
+        self.constant_rate.update(dt, within + config.middle());
         self.level = level;
 
         // What a reading says by itself: the middle of its interval.
-        let middle = level + config.quantiser.middle(q);
+        let middle = level + config.middle();
         let missed = (self.fit.at(now_ms).temperature - middle).abs() > q;
-        self.misses = if missed { self.misses.saturating_add(1) } else { 0 };
+        self.misses = select(missed, self.misses.saturating_add(1), 0);
 
-        let newest = self.window.newest();
+        let newest = window.newest();
         let since_newest_ms = now_ms.saturating_sub(newest.time_ms);
-        let same_threshold = self.newest_crossed && (threshold - newest.value).abs() < q * real(0.25);
+        let same_threshold = self.newest_crossed & ((threshold - newest.value).abs() < q * real(0.25));
         let chatter_ms = u64::from(config.chatter_s) * 1000;
 
-        if crossed && same_threshold && self.chatter.continues(now_ms, chatter_ms, window_ms / 4) {
-            self.window.move_newest(self.chatter.cross(now_ms));
-        } else if crossed && since_newest_ms >= window_ms / 48 {
-            self.store(now_ms, threshold);
-            self.newest_crossed = true;
-            self.chatter = Chatter::start(now_ms);
-            counts.crossings = counts.crossings.saturating_add(1);
-        } else if self.misses >= FORCED_SAMPLES && since_newest_ms >= FORCED_SPACING_MS {
-            self.store(now_ms, middle);
-            counts.forced = counts.forced.saturating_add(1);
-        } else if since_newest_ms >= u64::from(config.hold_s) * 1000 {
-            self.store(now_ms, middle);
-            counts.held = counts.held.saturating_add(1);
-        }
-    }
+        let continues = self.chatter.continues(now_ms, chatter_ms, window_ms / 4);
+        let moved = crossed & same_threshold & continues;
+        let crossing = crossed & !moved & (since_newest_ms >= window_ms / 48);
+        let forced = (self.misses >= FORCED_SAMPLES) & (since_newest_ms >= FORCED_SPACING_MS);
+        let forced = forced & !moved & !crossing;
+        let held = !moved & !crossing & !forced & (since_newest_ms >= u64::from(config.hold_s) * 1000);
+        let stored = crossing | forced | held;
 
-    fn store(&mut self, time_ms: u64, value: F) {
-        self.window.push(Entry { time_ms, value });
-        self.newest_crossed = false;
-        self.misses = 0;
+        let mut chatter = self.chatter;
+        let middle_of_crossings_ms = chatter.cross(now_ms);
+        self.chatter = *select(moved, &chatter, &self.chatter);
+        self.chatter = *select(crossing, &Chatter::start(now_ms), &self.chatter);
+        window.move_newest_if(accepted & moved, middle_of_crossings_ms);
+        let value = select(crossing, threshold, middle);
+        window.push_if(accepted & stored, Entry { time_ms: now_ms, value });
+        self.newest_crossed = crossing | (self.newest_crossed & !stored);
+        self.misses = select(stored, 0, self.misses);
+        counts.crossings = counts.crossings.saturating_add(u32::from(crossing));
+        counts.forced = counts.forced.saturating_add(u32::from(forced));
+        counts.held = counts.held.saturating_add(u32::from(held));
     }
 }
 
@@ -398,3 +411,22 @@ impl Chatter {
 fn median<F: Scalar>(a: F, b: F, c: F) -> F {
     a.max(b).min(a.min(b).max(c))
 }
+
+saved_choice!(Quantiser { Rounding, Floor });
+saved!([F: Blank] TemperatureRateConfig<F> { quantum, quantiser, time_constant_s, window_s, hold_s, chatter_s });
+saved!([F: Blank] TemperatureRateOutput<F> { temperature, rate, temperature_sigma, rate_sigma, status });
+saved!([] TemperatureRateCounts { crossings, forced, held, rejected, restarts });
+saved!([F: Blank] TemperatureRate<F> { counts, clock_faults, started, window, running, last; fixed config });
+saved!([F: Blank] Running<F> {
+    fit,
+    last_ms,
+    history,
+    level,
+    misses,
+    chatter,
+    newest_crossed,
+    dither,
+    constant_rate,
+});
+saved!([] Chatter { first_ms, last_ms, old_side_ms, on_old_side });
+saved_flags!(ThermalStatus);

@@ -10,6 +10,7 @@
 //! always all 64 places, those not in use masked, so the work does not depend on the data.
 use super::window::{RING, Window};
 use super::{Scalar, real, seconds_between};
+use crate::saved::{Blank, saved};
 
 /// Prior sigma of the rate, degC/s: 100 degC/h.
 const RATE_SIGMA: f64 = 100.0 / 3600.0;
@@ -177,6 +178,21 @@ pub fn exponential_remainder<F: Scalar>(u: F) -> F {
     }
     remainder
 }
+
+saved!([F: Blank] Model<F> { time_constant, sigma });
+saved!([F: Blank] Fit<F> {
+    model,
+    origin_ms,
+    level,
+    slope,
+    curvature,
+    mean_s,
+    mean_b2,
+    r_slope,
+    r_curvature,
+    shear,
+    inverse_count,
+});
 
 #[cfg(test)]
 mod tests {

@@ -1,5 +1,7 @@
 //! The instants at which the temperature was known, oldest first, in a ring of fixed size [TMP-5].
 use super::{Scalar, real};
+use crate::number::select;
+use crate::saved::{Blank, saved};
 
 /// Capacity of the ring.
 pub const RING: usize = 64;
@@ -60,24 +62,35 @@ impl<F: Scalar> Window<F> {
         self.fictitious > 0
     }
 
-    /// Appends an entry; a full ring loses its oldest.
-    pub fn push(&mut self, entry: Entry<F>) {
-        if self.len >= RING {
-            self.drop_oldest(1);
+    /// Starts anew where `condition` holds, as [`Window::start`]; with the same work where it does not.
+    pub fn restart_if(&mut self, condition: bool, now_ms: u64, value: F) {
+        self.head = select(condition, 0, self.head);
+        self.len = select(condition, KEEP, self.len);
+        self.fictitious = select(condition, KEEP, self.fictitious);
+        for (entry, minutes) in self.entries.iter_mut().zip((1..=KEEP as u64).rev()) {
+            let time_ms = now_ms.saturating_sub(60_000 * minutes);
+            *entry = select(condition, Entry { time_ms, value }, *entry);
         }
-        self.entries[(self.head + self.len) & (RING - 1)] = entry;
-        self.len += 1;
     }
 
-    /// Moves the newest entry to another instant.
-    pub fn move_newest(&mut self, time_ms: u64) {
-        self.entries[(self.head + self.len.wrapping_sub(1)) & (RING - 1)].time_ms = time_ms;
+    /// Appends an entry where `condition` holds; a full ring loses its oldest.
+    pub fn push_if(&mut self, condition: bool, entry: Entry<F>) {
+        self.drop_oldest(usize::from(condition & (self.len >= RING)));
+        let place = &mut self.entries[(self.head + self.len) & (RING - 1)];
+        *place = select(condition, entry, *place);
+        self.len += usize::from(condition);
+    }
+
+    /// Moves the newest entry to another instant where `condition` holds.
+    pub fn move_newest_if(&mut self, condition: bool, time_ms: u64) {
+        let newest = &mut self.entries[(self.head + self.len.wrapping_sub(1)) & (RING - 1)];
+        newest.time_ms = select(condition, time_ms, newest.time_ms);
     }
 
     /// Removes what no longer serves [TMP-5]: an entry leaves when it is older than the window **and** its
     /// follower is a window away from the newest entry, or when it is four windows old; six always remain.
-    /// All conditions hold for a prefix of the ring, so one pass counts what goes.
-    pub fn expire(&mut self, now_ms: u64, window_ms: u64) {
+    /// All conditions hold for a prefix of the ring, so one pass counts what goes. Nothing goes unless `condition` holds.
+    pub fn expire_if(&mut self, condition: bool, now_ms: u64, window_ms: u64) {
         let newest_ms = self.newest().time_ms;
         let mut gone = 0;
         for age in 0..RING {
@@ -86,7 +99,7 @@ impl<F: Scalar> Window<F> {
             let stale = (old > window_ms && follower_old >= window_ms) || old > window_ms.saturating_mul(4);
             gone += usize::from(stale && age + KEEP < self.len);
         }
-        self.drop_oldest(gone);
+        self.drop_oldest(select(condition, gone, 0));
     }
 
     fn drop_oldest(&mut self, count: usize) {
@@ -107,3 +120,6 @@ impl<F: Scalar> Window<F> {
         F::from_u8(u8::from(age < self.len)).unwrap_or_else(F::zero)
     }
 }
+
+saved!([F: Blank] Entry<F> { time_ms, value });
+saved!([F: Blank] Window<F> { entries, head < RING, len < RING + 1, fictitious < RING + 1 });

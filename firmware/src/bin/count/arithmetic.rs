@@ -6,6 +6,7 @@ use nalgebra::RealField;
 use crate::meter::{Meter, Random};
 
 /// Single operations in both precisions.
+#[inline(never)]
 pub fn count(meter: &mut Meter) {
     operations::<f32>(meter, "f32");
     operations::<f64>(meter, "f64");

@@ -100,6 +100,7 @@ impl<T: RealField + Copy> Bare<T> {
 }
 
 /// The filter's step.
+#[inline(never)]
 pub fn count<T: RealField + Copy>(meter: &mut Meter, precision: &str) {
     let config = config::<T>();
     let model = config.model(&config.accelerometer, &config.gyro, config.step_s);

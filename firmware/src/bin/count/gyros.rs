@@ -59,6 +59,7 @@ impl Gyros {
 }
 
 /// The parity, the determinants and the whole isolation.
+#[inline(never)]
 pub fn count(meter: &mut Meter) {
     linear::<f32>(meter, "f32");
     linear::<f64>(meter, "f64");

@@ -195,7 +195,7 @@ fn paint() {
     }
 }
 
-/// Bytes of stack from its start to the deepest word that is not as it was painted.
+/// Bytes of stack from here to the deepest word that is not as it was painted.
 #[inline(never)]
 fn painted_over() -> usize {
     let (mut word, start) = stack();
@@ -204,5 +204,5 @@ fn painted_over() -> usize {
         // SAFETY: as above.
         word = unsafe { word.add(1) };
     }
-    start as usize - word as usize
+    (msp::read() as usize).saturating_sub(word as usize)
 }

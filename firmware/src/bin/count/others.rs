@@ -11,6 +11,7 @@ use crate::meter::{Meter, Random};
 const SAMPLES: usize = 500;
 
 /// Both libraries on the four-state channel with a velocity in every step.
+#[inline(never)]
 pub fn count<T: RealField + Copy + MatrixDataType>(meter: &mut Meter, precision: &str) {
     let config = config::<T>();
     let model = config.model(&config.accelerometer, &config.gyro, config.step_s);

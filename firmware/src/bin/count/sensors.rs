@@ -11,15 +11,23 @@ use crate::arithmetic::heading;
 use crate::meter::{Meter, Random};
 
 const SAMPLES: usize = 2000;
+/// In double precision, which does not fly: enough to know what it would take.
+const SAMPLES_IN_DOUBLE: usize = 200;
 
 /// A thermometer of a sixteenth of a degree: slow and fast change, noise, gaps, nonsense, clocks set back.
-struct Thermometer {
+pub struct Thermometer {
     step: u64,
     temperature: f64,
 }
 
 impl Thermometer {
-    fn next<T: RealField>(&mut self, random: &mut Random) -> (u64, Reading<T>) {
+    /// At its first reading, degC.
+    pub fn at(temperature: f64) -> Self {
+        Self { step: 0, temperature }
+    }
+
+    /// Time, ms, and reading of the next step.
+    pub fn next<T: RealField>(&mut self, random: &mut Random) -> (u64, Reading<T>) {
         self.step += 1;
         let phase = self.step % 2000;
         self.temperature += match phase {
@@ -47,18 +55,15 @@ impl Thermometer {
 }
 
 /// Temperature rate and health monitor.
+#[inline(never)]
 pub fn count<T: Scalar + Default>(meter: &mut Meter, precision: &str) {
+    let samples = if size_of::<T>() > 4 { SAMPLES_IN_DOUBLE } else { SAMPLES };
     let config = TemperatureRateConfig::of_quantum(nalgebra::convert::<f64, T>(1.0 / 16.0));
     let Ok(rate) = TemperatureRate::try_build(&config) else { return };
     meter.part(
         &heading("temperature rate", precision),
-        SAMPLES,
-        (
-            rate,
-            Thermometer { step: 0, temperature: 20.0 },
-            (0, Reading::missing()),
-            TemperatureRateOutput::default(),
-        ),
+        samples,
+        (rate, Thermometer::at(20.0), (0, Reading::missing()), TemperatureRateOutput::default()),
         |(_, thermometer, next, _), random| *next = thermometer.next(random),
         |(rate, _, (time_ms, reading), output)| *output = rate.step(*time_ms, reading),
     );
@@ -66,10 +71,10 @@ pub fn count<T: Scalar + Default>(meter: &mut Meter, precision: &str) {
     let Ok(monitor) = HealthMonitor::try_build(&HealthConfig::<T, 2>::doppler_against_inertial()) else {
         return;
     };
-    let pair = Pair { step: 0, radio: Reading::missing(), inertial: Reading::missing(), elapsed: 1 };
+    let pair = Pair::new();
     meter.part(
         &heading("health monitor", precision),
-        SAMPLES,
+        samples,
         (monitor, pair, HealthOutput::default()),
         |(_, pair, _), random| pair.next(random),
         |(monitor, pair, output)| *output = monitor.step(&pair.radio, &pair.inertial, pair.elapsed),
@@ -77,15 +82,22 @@ pub fn count<T: Scalar + Default>(meter: &mut Meter, precision: &str) {
 }
 
 /// A radio speed against an inertial one, m/s: noise, jumps, grown noise, gaps, nonsense.
-struct Pair<T> {
+pub struct Pair<T> {
     step: u32,
-    radio: Reading<T>,
-    inertial: Reading<T>,
+    /// Readings of the step.
+    pub radio: Reading<T>,
+    pub inertial: Reading<T>,
     elapsed: u32,
 }
 
-impl<T: RealField + Copy> Pair<T> {
-    fn next(&mut self, random: &mut Random) {
+impl<T: RealField + Copy + Default> Pair<T> {
+    /// Before the first step.
+    pub fn new() -> Self {
+        Self { step: 0, radio: Reading::missing(), inertial: Reading::missing(), elapsed: 1 }
+    }
+
+    /// Makes the next step's readings.
+    pub fn next(&mut self, random: &mut Random) {
         self.step += 1;
         let phase = self.step % 1000;
         let noise = if (400..500).contains(&phase) { 1.0 } else { 0.3 };
@@ -112,6 +124,7 @@ impl<T: RealField + Copy> Pair<T> {
 }
 
 /// Correction of both triads at a thermal state. The signals are double, the coefficients single precision.
+#[inline(never)]
 pub fn count_correction(meter: &mut Meter) {
     let mut block = CompensationBlock::default();
     for (i, row) in block.gyro.matrix.iter_mut().enumerate() {

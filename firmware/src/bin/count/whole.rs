@@ -1,9 +1,12 @@
 //! The whole step of the module, and what the main loop adds to it.
 use core::hint::black_box;
 
+use schuler_core::compensation::{Block, Calibration, Factor, Quantity, Target, Term};
+use schuler_core::health::HealthConfig;
 use schuler_core::identification::Method;
 use schuler_core::module::{Command, FlightModule, ModuleConfig, StepInput, StepOutput};
-use schuler_core::reading::Reading;
+use schuler_core::reading::{Quality, Reading};
+use schuler_core::thermal::TemperatureRateConfig;
 use schuler_link::endpoint::{Endpoint, Reaction};
 use schuler_link::frame::Wire;
 use schuler_link::message::HostMessage;
@@ -11,6 +14,7 @@ use schuler_link::message::HostMessage;
 use crate::channel::Velocity;
 use crate::gyros::Gyros;
 use crate::meter::{Meter, Random};
+use crate::sensors::{Pair, Thermometer};
 
 /// Steps of a flight, and of one in which the noise is identified twice over.
 const STEPS: usize = 3000;
@@ -24,13 +28,22 @@ struct Flight {
     time_ms: u64,
     velocity: Velocity,
     gyros: Gyros,
+    thermometers: [Thermometer; 4],
+    pair: Pair<f32>,
     /// Clocks run backwards, and jump.
     clocks: bool,
 }
 
 impl Flight {
     fn new(clocks: bool) -> Self {
-        Self { time_ms: 0, velocity: Velocity::new(), gyros: Gyros::new(), clocks }
+        Self {
+            time_ms: 0,
+            velocity: Velocity::new(),
+            gyros: Gyros::new(),
+            thermometers: [20.0, 25.0, -30.0, 60.0].map(Thermometer::at),
+            pair: Pair::new(),
+            clocks,
+        }
     }
 
     fn next(&mut self, random: &mut Random) -> StepInput {
@@ -55,7 +68,29 @@ impl Flight {
         };
         let (gyros, command) = self.gyros.next(random);
         let command = command.map_or(Command::None, Command::ReadmitGyro);
-        StepInput { time_ms, velocity_error, gyros, command, ..StepInput::default() }
+        let accelerometers = [0.0, 0.0, 9.8].map(|gravity| {
+            let reading = Reading::good(gravity + 0.1 * random.normal());
+            if random.once_in(50) {
+                Reading::missing()
+            } else if random.once_in(100) {
+                Reading { quality: Quality::Saturated, ..reading }
+            } else if random.once_in(80) {
+                Reading::good(f64::NAN)
+            } else {
+                reading
+            }
+        });
+        self.pair.next(random);
+        StepInput {
+            time_ms,
+            velocity_error,
+            gyros,
+            accelerometers,
+            thermometers: self.thermometers.each_mut().map(|thermometer| thermometer.next(random).1),
+            radio_velocity: self.pair.radio,
+            inertial_velocity: self.pair.inertial,
+            command,
+        }
     }
 }
 
@@ -67,6 +102,7 @@ struct Flying {
 }
 
 /// The module with each method of identification; then through the link.
+#[inline(never)]
 pub fn count(
     meter: &mut Meter,
     module: &'static mut FlightModule,
@@ -76,6 +112,8 @@ pub fn count(
     let mut config = ModuleConfig::default();
     config.identification.first_s = FIRST_S;
     config.identification.interval_s = INTERVAL_S;
+    config.thermometers = [Some(TemperatureRateConfig::of_quantum(1.0 / 16.0)); 4];
+    config.health = Some(HealthConfig::doppler_against_inertial());
     let mut flying = Flying {
         module,
         flight: Flight::new(true),
@@ -95,7 +133,7 @@ pub fn count(
     ] {
         config.identification.method = method;
         flying.flight = Flight::new(clocks);
-        if flying.module.configure(&config).is_err() {
+        if flying.module.configure(&config).is_err() || !load(flying.module) {
             return;
         }
         meter.part(
@@ -109,6 +147,31 @@ pub fn count(
 
     let host = Host { flying, endpoint, wire, sequence: 0, config };
     meter.part("main loop: a frame with a step, its answer", STEPS, host, Host::prepare, Host::run);
+}
+
+/// Loads a calibration and two dozen terms, on every target; whether they are accepted.
+#[inline(never)]
+fn load(module: &mut FlightModule) -> bool {
+    let mut block = Block { calibration: Some(Calibration::default()), ..Block::default() };
+    let mut term = |target, coefficient, quantities: [Quantity; 2]| {
+        let factors =
+            quantities.map(|quantity| Factor { reference: 0.1, power: 2, ..Factor::from(quantity) });
+        block.terms.push(Term { target, coefficient, factors }).is_ok()
+    };
+    let mut all = true;
+    for gyro in 0..5 {
+        all &= term(Target::Gyro(gyro), 1e-9, [Quantity::Temperature(gyro % 4), Quantity::One]);
+        all &= term(Target::Gyro(gyro), 1e-4, [Quantity::Rate((gyro + 1) % 5), Quantity::TemperatureRate(0)]);
+        all &= term(Target::Gyro(gyro), 1e-8, [Quantity::SpecificForce(gyro % 3), Quantity::InputMagnitude]);
+    }
+    for one in 0..3 {
+        all &= term(Target::Accelerometer(one), 1e-6, [Quantity::TemperatureDifference(0, 1), Quantity::One]);
+        all &= term(Target::Accelerometer(one), 1e-6, [Quantity::Input, Quantity::One]);
+    }
+    all &= term(Target::Velocity, 1e-5, [Quantity::Temperature(2), Quantity::One]);
+    all &= term(Target::LoopAccelerometer, 1e-8, [Quantity::Temperature(3), Quantity::One]);
+    all &= term(Target::LoopGyro, 1e-12, [Quantity::Temperature(0), Quantity::TemperatureRate(0)]);
+    all && module.load_compensation(&block).is_ok()
 }
 
 /// The other end of the line.

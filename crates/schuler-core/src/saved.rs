@@ -1,0 +1,603 @@
+//! How the state of the module becomes bytes and comes back: one walk over every value that changes from step to step.
+//!
+//! A [`Saved`] type hands its parts to the [`Walk`], always the same ones in the same order, whatever their values: so every
+//! value has its place in the bytes, and the walk can serve any stretch of them without a copy of the rest. What the
+//! configuration alone determines is not saved; [`saved!`] makes every type say which of its fields these are.
+//!
+//! Numbers are little-endian, `usize` has four bytes, a truth value, the tag of an `enum` and that of an `Option` one byte, and
+//! what is not there its full size in zeros. NaN is always the same one.
+use crc::{CRC_32_ISO_HDLC, Crc};
+use nalgebra::SMatrix;
+
+/// CRC-32/ISO-HDLC, that of Ethernet and zlib.
+const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
+
+/// Something whose values can be saved and brought back.
+pub trait Saved {
+    /// Hands all values to the walk, in a fixed order.
+    fn walk(&mut self, walk: &mut Walk<'_>);
+}
+
+/// What can stand in for something that is not there.
+pub trait Blank: Saved + Sized {
+    /// Any value; all zeros in the bytes where the type has such a value.
+    fn blank() -> Self;
+}
+
+/// What a walk is for.
+#[derive(Debug)]
+enum Purpose<'a> {
+    /// Counts the bytes.
+    Measure,
+    /// Forms the checksum.
+    Sum,
+    /// Writes the bytes.
+    Save(&'a mut [u8]),
+    /// Looks whether the bytes could be brought back, and changes nothing.
+    Check(&'a [u8]),
+    /// Brings the bytes back.
+    Restore(&'a [u8]),
+}
+
+/// One walk over all values. It serves those from `begin` on for which there is room, or which are there; a value is served
+/// as a whole or not at all.
+#[derive(Debug)]
+pub struct Walk<'a> {
+    purpose: Purpose<'a>,
+    /// Where the walk stands, in bytes from the start.
+    here: u32,
+    begin: u32,
+    /// Where the next value to be served begins.
+    next: u32,
+    /// Of what has been looked at.
+    checksum: Checksum,
+    /// A value that cannot be.
+    flawed: bool,
+    #[cfg(test)]
+    pub(crate) layout: Checksum,
+}
+
+/// A CRC-32 that can be put aside.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Checksum(u32);
+
+impl Checksum {
+    /// Of nothing.
+    pub const EMPTY: Self = Self(0);
+
+    /// The checksum with more bytes behind.
+    #[must_use]
+    pub fn with(self, bytes: &[u8]) -> Self {
+        let mut digest = CRC.digest_with_initial((!self.0).reverse_bits());
+        digest.update(bytes);
+        Self(digest.finalize())
+    }
+
+    /// The checksum of all the bytes.
+    pub fn value(self) -> u32 {
+        self.0
+    }
+}
+
+impl<'a> Walk<'a> {
+    /// Only counts the bytes.
+    pub fn measure() -> Self {
+        Self::new(Purpose::Measure, 0, Checksum::default())
+    }
+
+    /// Forms the checksum of all bytes.
+    pub fn sum() -> Self {
+        Self::new(Purpose::Sum, 0, Checksum::default())
+    }
+
+    /// Writes the values from the one that begins at `begin` on.
+    pub fn save(begin: u32, bytes: &'a mut [u8]) -> Self {
+        Self::new(Purpose::Save(bytes), begin, Checksum::default())
+    }
+
+    /// Looks at the bytes of the values from the one that begins at `begin` on. `checksum` is that of what came before.
+    pub fn check(begin: u32, bytes: &'a [u8], checksum: Checksum) -> Self {
+        Self::new(Purpose::Check(bytes), begin, checksum)
+    }
+
+    /// Brings them back.
+    pub fn restore(begin: u32, bytes: &'a [u8], checksum: Checksum) -> Self {
+        Self::new(Purpose::Restore(bytes), begin, checksum)
+    }
+
+    fn new(purpose: Purpose<'a>, begin: u32, checksum: Checksum) -> Self {
+        Self {
+            purpose,
+            here: 0,
+            begin,
+            next: begin,
+            checksum,
+            flawed: false,
+            #[cfg(test)]
+            layout: Checksum::default(),
+        }
+    }
+
+    /// Where the walk stands, in bytes from the start.
+    pub fn here(&self) -> u32 {
+        self.here
+    }
+
+    /// Bytes served.
+    pub fn served(&self) -> u32 {
+        self.next - self.begin
+    }
+
+    /// Checksum of what has been looked at, checked or brought back, and of what came before.
+    pub fn checksum(&self) -> Checksum {
+        self.checksum
+    }
+
+    /// A value was met that cannot be.
+    pub fn is_flawed(&self) -> bool {
+        self.flawed
+    }
+
+    /// The next value will be written, if there is room.
+    pub fn is_written_next(&self) -> bool {
+        matches!(self.purpose, Purpose::Save(_)) && self.here == self.next
+    }
+
+    /// Writes the value, or looks whether the bytes have it.
+    ///
+    /// # Errors
+    /// What they have instead.
+    pub fn constant(&mut self, value: u32) -> Result<(), u32> {
+        let mut bytes = value.to_le_bytes();
+        let found = self.bytes(&mut bytes);
+        match u32::from_le_bytes(bytes) {
+            other if found && other != value => Err(other),
+            _ => Ok(()),
+        }
+    }
+
+    /// One of `count` things by its number; true when it was brought back.
+    #[inline(never)]
+    pub fn tag(&mut self, tag: &mut u8, count: u8) -> bool {
+        let mut bytes = [*tag];
+        let found = self.bytes(&mut bytes);
+        let [value] = bytes;
+        self.take(tag, value, found, value < count)
+    }
+
+    /// The bits of flags, none but those of `all`; true when they were brought back.
+    #[inline(never)]
+    pub fn flags(&mut self, bits: &mut u32, all: u32) -> bool {
+        let mut bytes = bits.to_le_bytes();
+        let found = self.bytes(&mut bytes);
+        let value = u32::from_le_bytes(bytes);
+        self.take(bits, value, found, value & !all == 0)
+    }
+
+    /// An index or a count below `bound`.
+    #[inline(never)]
+    pub fn below(&mut self, index: &mut u32, bound: u32) -> bool {
+        let mut bytes = index.to_le_bytes();
+        let found = self.bytes(&mut bytes);
+        let value = u32::from_le_bytes(bytes);
+        self.take(index, value, found, value < bound)
+    }
+
+    fn take<T>(&mut self, slot: &mut T, value: T, found: bool, possible: bool) -> bool {
+        self.flawed |= found && !possible;
+        let restored = found && possible && matches!(self.purpose, Purpose::Restore(_));
+        if restored {
+            *slot = value;
+        }
+        restored
+    }
+
+    /// Serves one value; true when the bytes have one, which then stands in `value`.
+    #[inline(never)]
+    fn bytes(&mut self, value: &mut [u8]) -> bool {
+        let here = self.here;
+        self.here = here.wrapping_add(value.len() as u32);
+        let from = here.wrapping_sub(self.begin) as usize;
+        let place = from..from.wrapping_add(value.len());
+        let found = match &mut self.purpose {
+            Purpose::Measure => return false,
+            Purpose::Sum => {
+                self.checksum = self.checksum.with(value);
+                return false;
+            }
+            Purpose::Save(bytes) => {
+                if let Some(slot) = bytes.get_mut(place).filter(|_| here == self.next) {
+                    copy(value, slot);
+                    self.next = self.here;
+                }
+                return false;
+            }
+            Purpose::Check(bytes) | Purpose::Restore(bytes) => bytes.get(place).filter(|_| here == self.next),
+        };
+        let Some(found) = found else { return false };
+        self.checksum = self.checksum.with(found);
+        copy(found, value);
+        self.next = self.here;
+        true
+    }
+}
+
+/// Of the same length, which the compiler cannot see.
+fn copy(from: &[u8], to: &mut [u8]) {
+    for (to, from) in to.iter_mut().zip(from) {
+        *to = *from;
+    }
+}
+
+macro_rules! number {
+    ($($number:ident $(as $canonical:expr)?),*) => {$(
+        impl Saved for $number {
+            #[inline(never)]
+            fn walk(&mut self, walk: &mut Walk<'_>) {
+                let value = *self;
+                $(let value = $canonical(value);)?
+                let mut bytes = value.to_le_bytes();
+                let found = walk.bytes(&mut bytes);
+                walk.take(self, $number::from_le_bytes(bytes), found, true);
+            }
+        }
+
+        impl Blank for $number {
+            fn blank() -> Self {
+                Self::default()
+            }
+        }
+    )*};
+}
+
+number!(
+    u8,
+    u16,
+    u32,
+    u64,
+    f32 as |value: f32| if value.is_nan() { f32::from_bits(0x7fc0_0000) } else { value },
+    f64 as |value: f64| if value.is_nan() { f64::from_bits(0x7ff8_0000_0000_0000) } else { value }
+);
+
+impl Saved for bool {
+    fn walk(&mut self, walk: &mut Walk<'_>) {
+        let mut tag = u8::from(*self);
+        walk.tag(&mut tag, 2);
+        *self = tag == 1;
+    }
+}
+
+impl Blank for bool {
+    fn blank() -> Self {
+        false
+    }
+}
+
+impl<T: Saved, const N: usize> Saved for [T; N] {
+    fn walk(&mut self, walk: &mut Walk<'_>) {
+        for value in self {
+            value.walk(walk);
+        }
+    }
+}
+
+impl<T: Blank, const N: usize> Blank for [T; N] {
+    fn blank() -> Self {
+        core::array::from_fn(|_| T::blank())
+    }
+}
+
+impl<A: Saved, B: Saved> Saved for (A, B) {
+    fn walk(&mut self, walk: &mut Walk<'_>) {
+        self.0.walk(walk);
+        self.1.walk(walk);
+    }
+}
+
+impl<A: Blank, B: Blank> Blank for (A, B) {
+    fn blank() -> Self {
+        (A::blank(), B::blank())
+    }
+}
+
+impl<T: Saved, const R: usize, const C: usize> Saved for SMatrix<T, R, C> {
+    fn walk(&mut self, walk: &mut Walk<'_>) {
+        self.data.0.walk(walk);
+    }
+}
+
+impl<T: Blank, const R: usize, const C: usize> Blank for SMatrix<T, R, C> {
+    fn blank() -> Self {
+        Self::from_data(nalgebra::ArrayStorage(Blank::blank()))
+    }
+}
+
+impl<T: Blank> Saved for Option<T> {
+    fn walk(&mut self, walk: &mut Walk<'_>) {
+        let mut there = self.is_some();
+        there.walk(walk);
+        if there {
+            self.get_or_insert_with(T::blank).walk(walk);
+        } else {
+            *self = None;
+            T::blank().walk(walk);
+        }
+    }
+}
+
+impl<T: Blank> Blank for Option<T> {
+    fn blank() -> Self {
+        None
+    }
+}
+
+/// A number that stays below a bound.
+pub trait Bounded {
+    /// Hands it to the walk.
+    fn walk_below(&mut self, walk: &mut Walk<'_>, bound: u32);
+}
+
+impl Bounded for usize {
+    fn walk_below(&mut self, walk: &mut Walk<'_>, bound: u32) {
+        let mut index = *self as u32;
+        if walk.below(&mut index, bound) {
+            *self = index as usize;
+        }
+    }
+}
+
+impl Bounded for u32 {
+    fn walk_below(&mut self, walk: &mut Walk<'_>, bound: u32) {
+        walk.below(self, bound);
+    }
+}
+
+impl Bounded for u8 {
+    fn walk_below(&mut self, walk: &mut Walk<'_>, bound: u32) {
+        walk.tag(self, bound as u8);
+    }
+}
+
+impl Bounded for Option<u8> {
+    fn walk_below(&mut self, walk: &mut Walk<'_>, bound: u32) {
+        let mut tag = self.map_or(0, |number| number.saturating_add(1));
+        if walk.tag(&mut tag, bound as u8 + 1) {
+            *self = tag.checked_sub(1);
+        }
+    }
+}
+
+/// Makes a structure [`Saved`]: `saved!([generics] Type { fields })`. All fields are named, or this does not compile: first those
+/// that change from step to step, with a bound where one must hold (`head < N`), then, after `fixed`, those that the
+/// configuration alone determines, which are not saved. Without `fixed` the structure is [`Blank`], too.
+macro_rules! saved {
+    ([$($generics:tt)*] $type:ty $(where [$($clauses:tt)*])? { $($field:ident $(< $bound:expr)?),* $(,)? }) => {
+        $crate::saved::saved!([$($generics)*] $type $(where [$($clauses)*])? { $($field $(< $bound)?),*; fixed });
+
+        impl<$($generics)*> $crate::saved::Blank for $type $(where $($clauses)*)? {
+            fn blank() -> Self {
+                Self { $($field: $crate::saved::saved!(@blank $($bound)?)),* }
+            }
+        }
+    };
+    (
+        [$($generics:tt)*] $type:ty $(where [$($clauses:tt)*])?
+        { $($field:ident $(< $bound:expr)?),* $(,)?; fixed $($fixed:ident),* }
+    ) => {
+        impl<$($generics)*> $crate::saved::Saved for $type $(where $($clauses)*)? {
+            fn walk(&mut self, walk: &mut $crate::saved::Walk<'_>) {
+                let Self { $($field,)* $($fixed: _,)* } = self;
+                $(
+                    #[cfg(test)]
+                    walk.name(stringify!($field));
+                    $crate::saved::saved!(@walk $field, walk $(, $bound)?);
+                )*
+            }
+        }
+    };
+    (@walk $field:ident, $walk:ident) => { $crate::saved::Saved::walk($field, $walk) };
+    (@walk $field:ident, $walk:ident, $bound:expr) => {
+        $crate::saved::Bounded::walk_below($field, $walk, ($bound) as u32)
+    };
+    (@blank) => { $crate::saved::Blank::blank() };
+    (@blank $bound:expr) => { Default::default() };
+}
+pub(crate) use saved;
+
+/// Makes an `enum` without fields [`Saved`] by the number of its variant.
+macro_rules! saved_choice {
+    ($type:ty { $($variant:ident),* $(,)? }) => {
+        impl $crate::saved::Saved for $type {
+            fn walk(&mut self, walk: &mut $crate::saved::Walk<'_>) {
+                const ALL: &[$type] = &[$(<$type>::$variant),*];
+                let mut tag = match self { $(Self::$variant => Self::$variant as u8),* };
+                if walk.tag(&mut tag, ALL.len() as u8) && let Some(variant) = ALL.get(usize::from(tag)) {
+                    *self = *variant;
+                }
+            }
+        }
+
+        impl $crate::saved::Blank for $type {
+            fn blank() -> Self {
+                Self::default()
+            }
+        }
+    };
+}
+pub(crate) use saved_choice;
+
+/// Makes flags [`Saved`] by their bits, in four bytes.
+macro_rules! saved_flags {
+    ($type:ty) => {
+        impl $crate::saved::Saved for $type {
+            fn walk(&mut self, walk: &mut $crate::saved::Walk<'_>) {
+                let mut bits = u32::from(self.bits());
+                if walk.flags(&mut bits, u32::from(Self::all().bits())) {
+                    *self = Self::from_bits_truncate(bits as _);
+                }
+            }
+        }
+
+        impl $crate::saved::Blank for $type {
+            fn blank() -> Self {
+                Self::empty()
+            }
+        }
+    };
+}
+pub(crate) use saved_flags;
+
+#[cfg(test)]
+impl Walk<'_> {
+    /// Takes the name of the next value into the fingerprint of the layout.
+    pub(crate) fn name(&mut self, name: &str) {
+        self.layout = self.layout.with(name.as_bytes()).with(&self.here.to_le_bytes());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use std::vec::Vec;
+
+    use super::*;
+    use crate::filter::{ErrorFilter, FilterConfig, MarkovNoise};
+    use crate::health::{HealthConfig, HealthMonitor};
+    use crate::identification::{LikelihoodIdentifier, PublishedLoop};
+    use crate::module::{FlightModule, ModuleConfig, STATE_VERSION};
+    use crate::reading::Reading;
+    use crate::thermal::{TemperatureRate, TemperatureRateConfig};
+
+    fn bytes(value: &mut impl Saved) -> Vec<u8> {
+        let mut walk = Walk::measure();
+        value.walk(&mut walk);
+        let mut bytes = std::vec![0; walk.here() as usize];
+        let mut walk = Walk::save(0, &mut bytes);
+        value.walk(&mut walk);
+        assert_eq!(walk.served() as usize, bytes.len());
+        bytes
+    }
+
+    /// Saved after `before` steps and brought back into a fresh one, it goes on in the same way.
+    fn goes_on<V: Saved + Clone, O: PartialEq + core::fmt::Debug>(
+        fresh: &V,
+        mut step: impl FnMut(&mut V, u32) -> O,
+    ) {
+        for before in [0, 1, 13, 400] {
+            let mut one = fresh.clone();
+            for k in 0..before {
+                step(&mut one, k);
+            }
+            let saved = bytes(&mut one);
+            let mut two = fresh.clone();
+            let mut walk = Walk::restore(0, &saved, Checksum::EMPTY);
+            two.walk(&mut walk);
+            assert_eq!((walk.served() as usize, walk.is_flawed()), (saved.len(), false));
+            for k in before..before + 200 {
+                assert_eq!(step(&mut one, k), step(&mut two, k));
+            }
+            assert_eq!(bytes(&mut one), bytes(&mut two));
+        }
+    }
+
+    macro_rules! parts_in {
+        ($name:ident, $scalar:ty) => {
+            /// The parts that are generic over their scalar, which the module flies in one precision each.
+            #[test]
+            fn $name() {
+                let noise = |k: u32| ((k * 7919 % 1013) as $scalar) / 1013.0 - 0.5;
+                let config = FilterConfig::<$scalar> {
+                    radius_m: 6_371_000.0,
+                    gravity: 9.8,
+                    step_s: 1.0,
+                    accelerometer: MarkovNoise { sigma: 1e-3, tau_s: 60.0 },
+                    gyro: MarkovNoise { sigma: 5e-7, tau_s: 1800.0 },
+                    velocity_noise: 0.1,
+                    initial_velocity_sigma: 0.1,
+                    initial_vertical_sigma: 1e-4,
+                    gate_sigma: 3.0,
+                };
+                let fresh = ErrorFilter::try_build(&config).unwrap();
+                goes_on(&fresh, |filter, k| {
+                    let step = filter.step((k % 5 != 0).then(|| noise(k)));
+                    filter.output(&step)
+                });
+                let fresh = TemperatureRate::try_build(&TemperatureRateConfig::<$scalar>::of_quantum(0.0625))
+                    .unwrap();
+                goes_on(&fresh, |rate, k| {
+                    let reading = Reading::good((20.0 + 0.01 * k as $scalar).round());
+                    let wrong = Reading { value: <$scalar>::NAN, ..reading };
+                    rate.step(u64::from(k) * 1000, if k % 7 == 0 { &wrong } else { &reading })
+                });
+                let fresh = HealthMonitor::try_build(&HealthConfig::<$scalar, 2>::doppler_against_inertial())
+                    .unwrap();
+                goes_on(&fresh, |monitor, k| {
+                    let jump = if k % 300 > 100 { 3.0 } else { 0.0 };
+                    monitor.step(
+                        &Reading::good(noise(k) + jump),
+                        &Reading::good(0.0),
+                        1 + u32::from(k % 11 == 0),
+                    )
+                });
+            }
+        };
+    }
+    parts_in!(parts_in_single_precision_come_back, f32);
+    parts_in!(parts_in_double_precision_come_back, f64);
+
+    #[test]
+    fn nan_is_always_the_same() {
+        let mut numbers = (f32::from_bits(0xffc1_2345), f64::from_bits(0xfff0_0000_0000_0001));
+        let saved = bytes(&mut numbers);
+        assert_eq!(saved[..4], 0x7fc0_0000u32.to_le_bytes());
+        assert_eq!(saved[4..], 0x7ff8_0000_0000_0000u64.to_le_bytes());
+        assert_eq!(numbers.0.to_bits(), 0xffc1_2345, "saving changes nothing");
+    }
+
+    #[test]
+    fn a_checksum_can_be_put_aside() {
+        let whole = CRC.checksum(b"123456789");
+        assert_eq!(whole, 0xcbf4_3926);
+        for cut in 0..9 {
+            let (head, tail) = b"123456789".split_at(cut);
+            assert_eq!(Checksum::EMPTY.with(head).with(tail).value(), whole);
+        }
+    }
+
+    #[test]
+    fn every_impossible_tag_and_index_is_found() {
+        let mut identifier = std::boxed::Box::new(LikelihoodIdentifier::new());
+        let saved = bytes(&mut *identifier);
+        let mut found = 0;
+        // The tags stand behind the banks and windows; a byte of a number can be anything.
+        for at in 0..saved.len() {
+            let mut wrong = saved.clone();
+            wrong[at] = 0xee;
+            let mut walk = Walk::check(0, &wrong, Checksum::EMPTY);
+            if at % 8 == 0 || at > saved.len() - 2000 {
+                identifier.walk(&mut walk);
+                found += u32::from(walk.is_flawed());
+            }
+        }
+        // Behind the read-out: phase and its count, the stretch, two channels, three that may not be there.
+        assert!(found >= 8, "{found}");
+        assert_eq!(bytes(&mut *identifier), saved);
+    }
+
+    /// Names and places of all that is saved. Where this differs, a saved state of before is not one of now: raise
+    /// [`STATE_VERSION`] and write the new fingerprint here.
+    #[test]
+    fn the_layout_is_that_of_its_version() {
+        let config = ModuleConfig {
+            thermometers: [Some(TemperatureRateConfig::of_quantum(0.0625)); 4],
+            health: Some(HealthConfig::doppler_against_inertial()),
+            ..ModuleConfig::default()
+        };
+        let mut module = std::boxed::Box::new(FlightModule::new());
+        module.configure(&config).unwrap();
+        let mut walk = Walk::measure();
+        module.walk(&mut walk);
+        PublishedLoop::new().walk(&mut walk);
+        assert_eq!((STATE_VERSION, walk.layout.value()), (1, 1920675308));
+    }
+}
