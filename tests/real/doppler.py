@@ -3,13 +3,17 @@
 y(t) = (1 + k) v(t - d) + v x e + w(t - d) x r + b + noise, for the log as one instrument: scale factor k, mounting e,
 lever arm r, delay d (on a grid: the cubic spline through the reference is read at t - d), constants b. The noise of each
 component is an autoregression of its own.
+
+The rate w is the derivative of a rotation spline through the attitude. The mean rate between the neighbours of a row, over
+2 s, lacks the peaks of turns that last some seconds: with it the likelihood is 150 to 400 nats less and the arm 3 to 8 %
+longer.
 """
 
 import numpy as np
 import pandas as pd
-from common import DATA, Fit, Report, body_rate, cross_with_axes
+from common import DATA, Fit, Report, cross_with_axes
 from scipy.interpolate import CubicSpline
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import Rotation, RotationSpline
 
 ORDER = 4
 EDGE = 6
@@ -46,10 +50,11 @@ def main():
         table = pd.read_csv(DATA / f"auv_doppler_ins/leg{number:02}.csv")
         t = table.t_s.to_numpy()
         attitude = Rotation.from_euler("ZYX", table[["yaw_rad", "pitch_rad", "roll_rad"]].to_numpy())
+        turning = RotationSpline(t, attitude)
         leg = {
             "t": t,
             "velocity": CubicSpline(t, attitude.inv().apply(table[["vn_mps", "ve_mps", "vd_mps"]].to_numpy())),
-            "rate": CubicSpline(t, body_rate(attitude, t)),
+            "rate": lambda when: turning(np.clip(when, t[0], t[-1]), 1),
             "log": table[["dvl_x_mps", "dvl_y_mps", "dvl_z_mps"]].to_numpy(),
         }
         case = f"auv_doppler_ins/leg{number:02}"

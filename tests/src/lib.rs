@@ -4,4 +4,5 @@ pub mod calibration_run;
 pub mod equations;
 pub mod golden_records;
 pub mod health_reference;
+pub mod python;
 pub mod temperature_rate;

@@ -6,11 +6,10 @@
 //! without which an explanation is none. The recordings are looked for in `SCHULER_DATA`, else in `../shared/data` beside
 //! the project.
 //!
-//! They differ still, in every set: `cargo test -p schuler-tests --test explain_real -- --ignored --nocapture` prints where.
-//! Until they agree the tests are left out of the usual run.
+//! They differ still, in every set: `cargo test -p schuler-tests --test explain_real -- --ignored
+//! --nocapture` prints where. Until they agree their tests are left out of the usual run.
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
@@ -18,6 +17,7 @@ use std::time::Instant;
 use schuler_explain::explain::{Options, explain};
 use schuler_explain::explanation::{Explanation, Finding, Parameter};
 use schuler_recording::Recording;
+use schuler_tests::python::python;
 use serde_json::Value;
 
 /// How many combined standard deviations two estimates may be apart.
@@ -36,23 +36,6 @@ fn recordings() -> Option<PathBuf> {
     }
     eprintln!("SKIPPED: no real recordings at {} (set SCHULER_DATA)", root.display());
     None
-}
-
-/// Python with the packages of `tests/oracle/requirements.txt`.
-fn python() -> PathBuf {
-    let requirements = project().join("tests/oracle/requirements.txt");
-    let wanted = fs::read_to_string(&requirements).expect("tests/oracle/requirements.txt");
-    let environment = Path::new(env!("CARGO_TARGET_TMPDIR")).join("../oracle-venv");
-    let (python, stamp) = (environment.join("bin/python"), environment.join("installed.txt"));
-    if fs::read_to_string(&stamp).is_ok_and(|installed| installed == wanted) {
-        return python;
-    }
-    run(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&environment));
-    run(Command::new(&python)
-        .args(["-m", "pip", "install", "--quiet", "--no-deps", "--requirement"])
-        .arg(&requirements));
-    fs::write(&stamp, wanted).expect("the environment is writable");
-    python
 }
 
 fn run(command: &mut Command) -> String {
@@ -213,7 +196,7 @@ fn check(script: &str) {
     let Some(root) = recordings() else { return };
     let (python, folder) = (python(), Path::new(env!("CARGO_TARGET_TMPDIR")).join("real-cases").join(script));
     let of = |name: &str| {
-        let mut command = Command::new(&python);
+        let mut command = Command::new(python);
         command.arg(project().join("tests/real").join(format!("{name}.py"))).env("SCHULER_DATA", &root);
         command
     };
@@ -229,7 +212,7 @@ fn check(script: &str) {
         let start = Instant::now();
         let explanation = explain(&recording, &Options::default());
         let explanation = explanation.unwrap_or_else(|error| panic!("{case}: {error}"));
-        let held_out = explanation.fit.held_out;
+        let held_out = &explanation.fit.held_out;
         println!(
             "\n{case}: {:?}; held-out gain {:.3} nats per sample; {:.1} s",
             explanation.verdict,

@@ -4,13 +4,13 @@
 //! `tests/oracle/requirements.txt` the first time.
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
-use std::sync::OnceLock;
+use std::process::Command;
 
 use host_sim::identify::report::Identification;
 use host_sim::identify::{Options, identify};
 use schuler_recording::{Recording, table};
 use schuler_tests::golden_records::MinimalStandard;
+use schuler_tests::python::python;
 
 fn project() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
@@ -18,44 +18,6 @@ fn project() -> PathBuf {
 
 fn scratch() -> PathBuf {
     PathBuf::from(env!("CARGO_TARGET_TMPDIR"))
-}
-
-/// Python of the virtual environment.
-fn python() -> &'static Path {
-    static PYTHON: OnceLock<PathBuf> = OnceLock::new();
-    PYTHON.get_or_init(|| {
-        let requirements = project().join("tests/oracle/requirements.txt");
-        let wanted = fs::read_to_string(&requirements).expect("tests/oracle/requirements.txt");
-        let environment = scratch().join("../oracle-venv");
-        let python = environment.join("bin/python");
-        let stamp = environment.join("installed.txt");
-        if fs::read_to_string(&stamp).is_ok_and(|installed| installed == wanted) {
-            return python;
-        }
-        let made = Command::new("python3").args(["-m", "venv", "--clear"]).arg(&environment).output();
-        assert!(
-            made.as_ref().is_ok_and(|output| output.status.success()),
-            "cannot make a virtual environment: install Python 3.10 or newer with venv (Debian: apt-get install python3 python3-venv)"
-        );
-        let installed = Command::new(&python)
-            .args(["-m", "pip", "install", "--quiet", "--no-deps", "--requirement"])
-            .arg(&requirements)
-            .output()
-            .expect("the environment's Python runs");
-        assert!(
-            installed.status.success(),
-            "cannot install tests/oracle/requirements.txt from PyPI into {}: {}",
-            environment.display(),
-            last_line(&installed)
-        );
-        fs::write(&stamp, wanted).expect("the environment is writable");
-        python
-    })
-}
-
-fn last_line(output: &Output) -> String {
-    let said = String::from_utf8_lossy(&output.stderr);
-    said.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or_default().to_owned()
 }
 
 /// Identifies the case and has the oracle check the answer.

@@ -5,7 +5,7 @@
 use schuler_recording::unit::Unit;
 
 use crate::catalogue::{Candidate, Port, Search};
-use crate::description::Term;
+use crate::description::{Delays, Term};
 use crate::equivalence::target_name;
 use crate::evidence::{CaseArrays, Cause, Part, SensorArrays};
 use crate::explanation::Finding;
@@ -41,10 +41,13 @@ pub fn arrays(case: &Case<'_>, before: &State, after: &State, findings: &[Findin
         let (whitened_before, whitened_after) = (whitened(&null), whitened(&bench));
         let mut parts: Vec<(usize, Vec<f64>, &Term)> = Vec::new();
         let mut first = constants;
+        let delays = Delays::new(&after.terms);
         for (term, finding) in after.terms.iter().zip(&places) {
             let own = amplitudes.get(first..first + term.amplitudes()).unwrap_or_default();
             first += term.amplitudes();
-            if let (Some(finding), Some(values)) = (*finding, added(block, term, own)) {
+            if let (Some(finding), Some(values)) =
+                (*finding, added(block, &delays.late_term(case.model, term), own))
+            {
                 parts.push((finding, values, term));
             }
         }

@@ -1,8 +1,12 @@
 //! A description of a record: nominal model, deterministic terms and noises; its likelihood with all amplitudes free.
+use std::borrow::Cow;
+use std::sync::Arc;
+
 use nalgebra::{DMatrix, DVector};
 
 use crate::catalogue::{Candidate, Column, OnsetShape, Port, Search};
-use crate::least_squares::{Solution, solve};
+use crate::inputs::series::delayed;
+use crate::least_squares::{Solution, dot, solve};
 use crate::noise::Noise;
 use crate::nominal::Model;
 use crate::whiten::Filter;
@@ -20,6 +24,10 @@ pub struct Term {
     pub port: Port,
     /// Whether its amplitudes are exactly 1.
     pub unit_amplitude: bool,
+    /// Whether it is of the motion, so that it comes as late as the readings that it is in.
+    pub of_the_motion: bool,
+    /// The delay of its sensors' readings, s, where that is what it is.
+    pub delay_s: Option<f64>,
 }
 
 impl Term {
@@ -31,6 +39,8 @@ impl Term {
             columns: columns(candidate, nonlinear, time_s),
             port: candidate.port,
             unit_amplitude: matches!(candidate.search, Search::Grid { unit_amplitude: true, .. }),
+            of_the_motion: candidate.effect.is_of_the_motion(),
+            delay_s: nonlinear.first().copied().filter(|_| candidate.effect.is_a_delay()),
         }
     }
 
@@ -47,6 +57,69 @@ impl Term {
     /// Number of amplitudes that are estimated.
     pub fn amplitudes(&self) -> usize {
         if self.unit_amplitude { 0 } else { self.columns.len() }
+    }
+}
+
+/// How late the readings of sensors come by the terms of a description.
+///
+/// An instrument that is late reads y(t) = h(t − d): not only its nominal reading is that of the time t − d, but all that
+/// the motion adds to it, a lever arm's ω(t − d) × r as well as a mounting or a scale factor. Read at t instead they
+/// would be other functions, and their amplitudes not those of the instrument.
+#[derive(Clone, Debug, Default)]
+pub struct Delays {
+    /// Sensor, and delay of its readings, s.
+    of_sensor: Vec<(usize, f64)>,
+}
+
+impl Delays {
+    /// The delays among `terms`.
+    pub fn new(terms: &[Term]) -> Self {
+        let mut delays = Self::default();
+        for term in terms {
+            let Some(delay_s) = term.delay_s else { continue };
+            let sensors = term.columns.iter().flat_map(|column| &column.parts).map(|(sensor, _)| *sensor);
+            for sensor in sensors {
+                match delays.of_sensor.iter_mut().find(|known| known.0 == sensor) {
+                    Some(known) => known.1 += delay_s,
+                    None => delays.of_sensor.push((sensor, delay_s)),
+                }
+            }
+        }
+        delays
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.of_sensor.is_empty()
+    }
+
+    fn of(&self, sensor: usize) -> f64 {
+        self.of_sensor.iter().find(|known| known.0 == sensor).map_or(0.0, |known| known.1)
+    }
+
+    /// Whether they move a term.
+    pub fn move_term(&self, term: &Term) -> bool {
+        let mut parts = term.columns.iter().flat_map(|column| &column.parts);
+        term.of_the_motion && term.port == Port::Output && parts.any(|(sensor, _)| self.of(*sensor) != 0.0)
+    }
+
+    /// A column as it comes in the readings; where the time t − d is not in the record as it is at t.
+    pub fn late<'v>(&self, model: &Model, of_the_motion: bool, column: &'v Column) -> Cow<'v, Column> {
+        if !of_the_motion || column.parts.iter().all(|(sensor, _)| self.of(*sensor) == 0.0) {
+            return Cow::Borrowed(column);
+        }
+        let late = |(sensor, values): &(usize, Vec<f64>)| {
+            let late = delayed(&model.time_s, values, self.of(*sensor));
+            (*sensor, late.zip(values).map(|(late, &now)| late.unwrap_or(now)).collect())
+        };
+        Cow::Owned(Column { parts: column.parts.iter().map(late).collect() })
+    }
+
+    /// A term as it comes in the readings.
+    pub fn late_term(&self, model: &Model, term: &Term) -> Term {
+        let columns =
+            term.columns.iter().map(|column| self.late(model, term.of_the_motion, column).into_owned());
+        Term { columns: columns.collect(), of_the_motion: false, delay_s: None, ..term.clone() }
     }
 }
 
@@ -96,13 +169,13 @@ fn columns(candidate: &Candidate, nonlinear: &[f64], time_s: &[f64]) -> Vec<Colu
 /// The filters of all blocks under given noises.
 pub struct Filters {
     /// One a block; `None` where the noises are singular.
-    pub of_block: Vec<Option<Filter>>,
+    pub of_block: Vec<Option<Arc<Filter>>>,
 }
 
 impl Filters {
     /// The filters of `model` under `noises`.
     pub fn new(model: &Model, noises: &[Noise]) -> Self {
-        Self { of_block: model.blocks.iter().map(|block| block.filter(noises)).collect() }
+        Self { of_block: model.blocks.iter().map(|block| block.filter(noises).map(Arc::new)).collect() }
     }
 }
 
@@ -122,6 +195,24 @@ impl Evaluation {
     pub fn first_amplitude(&self, terms: &[Term], index: usize) -> usize {
         self.constants + terms.iter().take(index).map(Term::amplitudes).sum::<usize>()
     }
+}
+
+/// Places of the regressors of a block among all amplitudes, as [`Projected::places`].
+pub fn places(model: &Model, block: usize, terms: &[Term]) -> Vec<usize> {
+    let block = &model.blocks[block];
+    let reaches = |column: &Column, port: Port| block.is_reached(column, port);
+    let mut places: Vec<usize> = (model.constants.iter().enumerate())
+        .filter(|(_, column)| reaches(column, Port::Output))
+        .map(|(place, _)| place)
+        .collect();
+    let mut place = model.constants.len();
+    for term in terms.iter().filter(|term| !term.unit_amplitude) {
+        places.extend(
+            (place..).zip(&term.columns).filter(|(_, c)| reaches(c, term.port)).map(|(place, _)| place),
+        );
+        place += term.columns.len();
+    }
+    places
 }
 
 /// What a block's channels hold of the terms: data less the terms of unit amplitude, and a regressor for each amplitude
@@ -146,9 +237,11 @@ pub fn project(model: &Model, block: usize, terms: &[Term]) -> Projected {
         }
     }
     let mut place = model.constants.len();
+    let delays = Delays::new(terms);
     for term in terms {
         for column in &term.columns {
-            if let Some(values) = block.project(column, term.port) {
+            let column = delays.late(model, term.of_the_motion, column);
+            if let Some(values) = block.project(&column, term.port) {
                 if term.unit_amplitude {
                     projected.data.iter_mut().zip(&values).for_each(|(data, value)| *data -= value);
                 } else {
@@ -183,7 +276,6 @@ impl Sums {
 
     /// Sums of whitened data (first) and regressors.
     pub fn of_whitened(filter: &Filter, whitened: &[Vec<f64>]) -> Self {
-        let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
         let size = whitened.len() - 1;
         let data = &whitened[0];
         let mut normal = DMatrix::zeros(size, size);

@@ -6,16 +6,28 @@
 //! others are its rivals.
 use std::collections::HashSet;
 
+use crate::arrays::AT_MEAN;
 use crate::catalogue::{Candidate, Search};
 use crate::description::{Term, blocks_of};
 use crate::explanation::Rival;
+use crate::noise_change::ChangeFit;
 use crate::nominal::Model;
 use crate::search::{Family, deterministic, evidence, library};
-use crate::select::{Item, Price, touches, without};
+use crate::select::{Item, Price, add_change, touches, without};
 use crate::state::{Bench, Case, State, refitted};
 
 /// Nats behind the best within which an identifier belongs to the class.
 pub const CLASS_NATS: f64 = 3.0;
+
+/// Nats behind within which it still belongs to the class where only the price of its search sets it back, not the data:
+/// the price is a prior, and a user may know better.
+const PRICED_NATS: f64 = 2.0 * CLASS_NATS;
+
+/// Nats of difference in gain that mean nothing.
+const INDIFFERENT_NATS: f64 = 0.5;
+
+/// Evidence from which on a change of noise is judged with the other free parameters fitted beside it.
+const WORTH_REFITTING: f64 = 3.0;
 
 /// One way to describe what a finding describes.
 #[derive(Clone, Debug)]
@@ -24,10 +36,16 @@ pub struct Alternative {
     pub candidate: usize,
     /// The term, if it is one.
     pub term: Option<Term>,
+    /// The change of noise, if it is one.
+    pub fit: Option<ChangeFit>,
     /// −ln p.
     pub evidence: f64,
+    /// Gain in log-likelihood, nats.
+    pub gain: f64,
     /// How it is judged.
     pub price: Price,
+    /// It leads though another shows more, because it is the simpler of the two and the data do not tell.
+    pub simpler: bool,
 }
 
 /// Name of what a candidate acts on.
@@ -41,7 +59,8 @@ pub fn target_name(model: &Model, candidate: &Candidate) -> String {
     }
 }
 
-/// All ways to describe what `item` describes that are within the class's distance of the best, best first.
+/// All ways to describe what `item` describes that are within the class's distance of the best or the same function, what
+/// leads first.
 pub fn alternatives(
     case: &Case<'_>,
     state: &State,
@@ -67,36 +86,95 @@ pub fn alternatives(
     let kept_bench = Bench::new(case, &kept.terms, &kept.noises);
     let free = blocks.iter().any(|&block| !kept.free_in(model, block).is_empty());
     for proposal in deterministic(&kept_bench, &library(&kept_bench, false, &touched), family, &touched) {
-        let mut evidence_here = proposal.evidence;
+        let (mut gain, mut evidence_here) = (proposal.gain, proposal.evidence);
         if free {
             let mut with = kept.clone();
             with.terms.push(proposal.term.clone());
             let (with, _) = refitted(case, &with, Some(&blocks));
-            evidence_here =
-                evidence(with.log_likelihood - less.log_likelihood, proposal.freedom, proposal.ln_places);
+            gain = with.log_likelihood - less.log_likelihood;
+            evidence_here = evidence(gain, proposal.freedom, proposal.ln_places);
         }
         found.push(Alternative {
             candidate: proposal.term.candidate,
             price: Price { freedom: proposal.freedom, ln_places: proposal.ln_places },
             term: Some(proposal.term),
+            fit: None,
             evidence: evidence_here,
+            gain,
+            simpler: false,
         });
     }
-    for (candidate, fit) in bench.noise_changes(&less) {
+    for (candidate, fit) in bench.noise_changes(&less, &blocks) {
         if blocks.iter().any(|&block| model.blocks[block].sources.contains(&fit.source)) {
+            let price = Price { freedom: fit.freedom, ln_places: fit.ln_places };
+            let (mut gain, mut evidence_here) = (fit.gain, -fit.ln_p);
+            // Other free parameters of the noise were fitted without it.
+            if free && evidence_here > WORTH_REFITTING {
+                let mut with = less.clone();
+                add_change(&mut with, candidate, fit.clone());
+                let (with, _) = refitted(case, &with, Some(&blocks));
+                gain = with.log_likelihood - less.log_likelihood;
+                evidence_here = evidence(gain, price.freedom, price.ln_places);
+            }
+            let evidence = evidence_here;
             found.push(Alternative {
                 candidate,
                 term: None,
-                evidence: -fit.ln_p,
-                price: Price { freedom: fit.freedom, ln_places: fit.ln_places },
+                fit: Some(fit),
+                evidence,
+                gain,
+                price,
+                simpler: false,
             });
         }
     }
     found.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
-    let best = found.first().map_or(0.0, |best| best.evidence);
-    found.retain(|alternative| alternative.evidence > best - CLASS_NATS);
+    let Some(best) = found.first().cloned() else { return (found, less) };
+    found.retain(|other| {
+        let behind = best.evidence - other.evidence;
+        behind < CLASS_NATS || (behind < PRICED_NATS && other.gain > best.gain - CLASS_NATS)
+    });
+    prefer_simpler(case, &mut found);
     prefer_instrument(case, &mut found);
     (found, less)
+}
+
+/// Of effects of one cause that explain the same equally well the first of the catalogue leads: it goes from the plain to
+/// the particular, from a temperature to its rate. Not one with more parameters, and not a shape that was sought at every
+/// time or frequency.
+fn prefer_simpler(case: &Case<'_>, found: &mut [Alternative]) {
+    let Some(best) = found.first().cloned() else { return };
+    let is_scan = |other: &Alternative| {
+        matches!(case.candidates[other.candidate].search, Search::Onset(_) | Search::Frequency)
+    };
+    let parameters = |other: &Alternative| {
+        let candidate = &case.candidates[other.candidate];
+        let amplitudes = candidate.amplitudes.iter().filter(|amplitude| amplitude.name != AT_MEAN).count();
+        amplitudes + other.term.as_ref().map_or(0, |term| term.nonlinear.len())
+    };
+    let cause = |other: &Alternative| {
+        case.candidates[other.candidate]
+            .variant
+            .iter()
+            .find(|(name, _)| *name == "column")
+            .map(|(_, column)| column)
+    };
+    let simpler = (found.iter().enumerate().skip(1))
+        .filter(|(_, other)| {
+            other.candidate < best.candidate
+                && other.gain > best.gain - INDIFFERENT_NATS
+                && best.term.is_some()
+                && other.term.is_some()
+                && case.candidates[other.candidate].effect.id != case.candidates[best.candidate].effect.id
+                && cause(other) == cause(&best)
+                && !is_scan(other)
+                && parameters(other) <= parameters(&best)
+        })
+        .min_by_key(|(_, other)| other.candidate);
+    if let Some((place, _)) = simpler {
+        found[place].simpler = true;
+        found[..=place].rotate_right(1);
+    }
 }
 
 /// What one sensor shows and its whole instrument explains as well is of the instrument: a mounting, a clock.

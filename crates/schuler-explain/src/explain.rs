@@ -5,22 +5,33 @@ use thiserror::Error;
 
 use crate::arrays::arrays;
 use crate::catalogue::{CATALOGUE, Candidate, Port, ReadingFault, Search, Target};
-use crate::description::{Term, sensors_of};
-use crate::equivalence::{alternatives, class, target_name};
+use crate::description::{Term, project, sensors_of};
+use crate::equivalence::{Alternative, alternatives, class, target_name};
 use crate::evidence::CaseArrays;
-use crate::explanation::{Evidence, Explanation, FORMAT, Finding, Fit, NoiseShift, Parameter, Verdict};
+use crate::explanation::{
+    Evidence, Explanation, FORMAT, Finding, Fit, NoiseShift, Parameter, Rival, Verdict,
+};
 use crate::hold_out::hold_out;
 use crate::inputs::Inputs;
 use crate::locate;
 use crate::noise::{Knob, Noise};
-use crate::noise_fit::SourceKnob;
+use crate::noise_fit::{SourceKnob, exact};
 use crate::nominal::{FEWEST_ROWS, Model};
-use crate::readings::{Fault, faults};
+use crate::readings::{Fault, faults, lattice};
 use crate::refit::parameters;
-use crate::search::Family;
-use crate::select::{Item, Selection, select};
+use crate::search::{Family, evidence};
+use crate::select::{Item, MOST_FINDINGS, Selection, Shown, add_change, select, without};
 use crate::sentence::sentence;
 use crate::state::{Bench, Case, State, refitted};
+use crate::watch::{Phase, Unwatched, Watch};
+
+/// Part of the gain of a term below which what else is found on the same sensor may be what the term leaves over: a form
+/// that is right within a tenth of its size (an interpolated reference, a smoothed input) leaves the square of that.
+const FORM: f64 = 0.01;
+
+/// The same among dependences on temperature: the thermometer tells what the sensor feels within some 30 % of its
+/// changes, because it sits elsewhere and is late.
+const THERMAL_FORM: f64 = 0.1;
 
 /// What may be chosen.
 #[derive(Clone, Copy, Debug)]
@@ -59,6 +70,9 @@ pub enum Error {
         /// What is wrong.
         what: String,
     },
+    /// Whoever watches has ended it.
+    #[error("cancelled")]
+    Cancelled,
     /// An option is out of range.
     #[error("level: found {0}; expected a probability between 0 and 1")]
     Level(String),
@@ -87,7 +101,35 @@ pub fn explain_with(
     candidates: Vec<Candidate>,
     options: &Options,
 ) -> Result<Explanation, Error> {
-    explained(inputs, candidates, options, |_, _, _| ()).map(|(explanation, ())| explanation)
+    explained(inputs, candidates, options, &Unwatched, |_, _, _| ()).map(|(explanation, ())| explanation)
+}
+
+/// As [`explain_shown`], watched: it tells how far it has come, and ends with [`Error::Cancelled`] when it is told to.
+///
+/// # Errors
+/// As [`explain`], and [`Error::Cancelled`].
+pub fn explain_watched(
+    recording: &Recording,
+    options: &Options,
+    watch: &dyn Watch,
+) -> Result<(Explanation, CaseArrays), Error> {
+    if recording.len() < FEWEST_ROWS {
+        return Err(Error::TooShort { rows: recording.len(), least: FEWEST_ROWS });
+    }
+    watch.progress(Phase::Prepare, 0.0);
+    let inputs = Inputs::new(recording);
+    unless_cancelled(watch)?;
+    watch.progress(Phase::Prepare, 0.3);
+    let candidates: Vec<Candidate> =
+        CATALOGUE.par_iter().flat_map_iter(|effect| (effect.candidates)(effect, &inputs)).collect();
+    unless_cancelled(watch)?;
+    explained(&inputs, candidates, options, watch, |case, selection, findings| {
+        arrays(case, &selection.null, &selection.state, findings)
+    })
+}
+
+fn unless_cancelled(watch: &dyn Watch) -> Result<(), Error> {
+    if watch.is_cancelled() { Err(Error::Cancelled) } else { Ok(()) }
 }
 
 /// As [`explain`], with the arrays that show it.
@@ -95,15 +137,7 @@ pub fn explain_with(
 /// # Errors
 /// As [`explain`].
 pub fn explain_shown(recording: &Recording, options: &Options) -> Result<(Explanation, CaseArrays), Error> {
-    if recording.len() < FEWEST_ROWS {
-        return Err(Error::TooShort { rows: recording.len(), least: FEWEST_ROWS });
-    }
-    let inputs = Inputs::new(recording);
-    let candidates: Vec<Candidate> =
-        CATALOGUE.par_iter().flat_map_iter(|effect| (effect.candidates)(effect, &inputs)).collect();
-    explained(&inputs, candidates, options, |case, selection, findings| {
-        arrays(case, &selection.null, &selection.state, findings)
-    })
+    explain_watched(recording, options, &Unwatched)
 }
 
 /// The explanation, and what `show` makes of the selection behind it.
@@ -111,6 +145,7 @@ fn explained<S>(
     inputs: &Inputs<'_>,
     mut candidates: Vec<Candidate>,
     options: &Options,
+    watch: &dyn Watch,
     show: impl FnOnce(&Case<'_>, &Selection<'_>, &[Finding]) -> S,
 ) -> Result<(Explanation, S), Error> {
     let recording = inputs.recording;
@@ -122,12 +157,15 @@ fn explained<S>(
     }
     let unmasked = Model::new(recording, &[]).map_err(Error::NothingToCompare)?;
     let (faults, masked) = faults(recording, &unmasked);
+    let (angles, faults): (Vec<Fault>, Vec<Fault>) =
+        faults.into_iter().partition(|fault| is_of_angle(&unmasked, fault));
+    let of_angle: Vec<usize> = angles.iter().map(|fault| fault.sensor).collect();
     let mut model = if faults.is_empty() {
         unmasked
     } else {
         Model::new(recording, &masked).map_err(Error::NothingToCompare)?
     };
-    account_for_lattices(&mut model, &faults);
+    account_for_lattices(&mut model, recording, &of_angle);
     candidates.retain(|candidate| acts(&model, candidate) && !is_spoilt(candidate, &faults));
     let nuisances = estimate_unknown(&mut model);
     let noises = model.nominal_noises();
@@ -137,11 +175,12 @@ fn explained<S>(
                 block.sources.iter().map(|&source| model.sources[source].name.as_str()).collect();
             return Err(Error::Singular {
                 sensor: names.join(", "),
-                what: "its variance must be positive and its parts not too many".to_owned(),
+                what: "its variance must be positive".to_owned(),
             });
         }
     }
-    let case = Case { model: &model, candidates: &candidates, time_s: &inputs.time_s };
+    unless_cancelled(watch)?;
+    let case = Case::new(&model, &candidates, &inputs.time_s, watch);
     let start = State {
         terms: Vec::new(),
         noises,
@@ -149,12 +188,19 @@ fn explained<S>(
         nuisances,
         log_likelihood: f64::NEG_INFINITY,
     };
+    watch.progress(Phase::Search, 0.0);
     let mut selection = select(&case, &start, options.level);
-    let mut findings = findings(&case, &mut selection);
+    unless_cancelled(watch)?;
+    let many = selection.state.terms.len() + selection.state.changes.len() >= MOST_FINDINGS;
+    let mut findings = findings(&case, &mut selection, options.level.ln());
+    unless_cancelled(watch)?;
+    watch.progress(Phase::Judge, 0.0);
     findings.extend(of_readings(recording, &case, &selection.family, &faults, options.level));
     findings.sort_by(|a, b| b.evidence.gain_nats.total_cmp(&a.evidence.gain_nats));
     let located = locate::locate(&case, &selection.null, inputs);
     let (left, remainder) = locate::left(&case, &selection.state, inputs);
+    unless_cancelled(watch)?;
+    watch.progress(Phase::Judge, 0.4);
     let verdict = match (findings.is_empty(), left) {
         (true, false) => Verdict::NoMismatch,
         (true, true) => Verdict::Unexplained,
@@ -165,8 +211,51 @@ fn explained<S>(
         if options.hold_out { hold_out(&case, &selection.null, &selection.state) } else { Fit::default() };
     let mut notes = recording.warnings.clone();
     notes.extend(model.notes.iter().cloned());
+    notes.extend(set_remainders_aside(&mut findings, recording));
+    if many {
+        notes.push(format!("the search ended at {MOST_FINDINGS} findings; there may be more"));
+    }
+    unless_cancelled(watch)?;
+    watch.progress(Phase::Judge, 1.0);
     let shown = show(&case, &selection, &findings);
     Ok((Explanation { format: FORMAT, verdict, findings, fit, located, remainder, notes }, shown))
+}
+
+/// Takes away the findings that say of a sensor what a much stronger term on it, or on its instrument, may leave over
+/// because its form is not exact, and says so. They stay in the description that is fitted.
+fn set_remainders_aside(findings: &mut Vec<Finding>, recording: &Recording) -> Vec<String> {
+    let group = |name: &str| {
+        let series = recording.sensors.iter().find(|series| series.sensor.id == name);
+        series.and_then(|series| series.sensor.group.as_deref())
+    };
+    let meet = |a: &str, b: &str| a == b || group(a) == Some(b) || group(b) == Some(a);
+    let thermal = |finding: &Finding| {
+        finding.effect.starts_with("bias_temperature") || finding.effect.starts_with("bias_thermal")
+    };
+    // What readings show of themselves, and the level of the noise, no form leaves over.
+    let of_itself = ["output_stuck", "output_saturated", "quantisation", "noise_outliers", "noise_white"];
+    let all = findings.clone();
+    let stronger = |finding: &Finding| {
+        let is_main = |main: &&Finding| {
+            let part = if thermal(main) && thermal(finding) { THERMAL_FORM } else { FORM };
+            !main.effect.starts_with("noise_")
+                && meet(&main.sensor, &finding.sensor)
+                && part * main.evidence.gain_nats > finding.evidence.gain_nats
+        };
+        let main = all.iter().find(is_main);
+        main.filter(|_| !of_itself.contains(&finding.effect.as_str()))
+    };
+    let mut notes = Vec::new();
+    findings.retain(|finding| {
+        let Some(main) = stronger(finding) else { return true };
+        notes.push(format!(
+            "{}: {} gains {:.0} nats beside {} with {:.0}: too little to tell it from what an inexact form of that \
+             leaves over",
+            finding.sensor, finding.effect, finding.evidence.gain_nats, main.effect, main.evidence.gain_nats
+        ));
+        false
+    });
+    notes
 }
 
 /// Whether a candidate is about the noise of an output that is clipped or coarse: what is left of it then is not what
@@ -179,13 +268,41 @@ fn is_spoilt(candidate: &Candidate, faults: &[Fault]) -> bool {
     matches!(candidate.search, Search::Noise(_)) && faults.iter().any(spoils)
 }
 
-/// What is rounded to a lattice has the variance of the rounding.
-fn account_for_lattices(model: &mut Model, faults: &[Fault]) {
-    for fault in faults.iter().filter(|fault| fault.fault == ReadingFault::Quantised) {
-        let step = fault.parameters.first().map_or(0.0, |parameter| parameter.1);
-        for source in model.sources.iter_mut().filter(|s| s.sensor == fault.sensor && s.port == Port::Output)
-        {
-            source.nominal.rounding = step;
+/// Whether readings lie on a lattice because the angle whose difference they are is rounded: neighbours' errors are then
+/// opposite, while those of rounded readings are independent.
+fn is_of_angle(model: &Model, fault: &Fault) -> bool {
+    let (Some(block), Some(source)) =
+        (model.block_of(fault.sensor), model.source_of(fault.sensor, Port::Output))
+    else {
+        return false;
+    };
+    if fault.fault != ReadingFault::Quantised {
+        return false;
+    }
+    let step = fault.parameters.first().map_or(0.0, |parameter| parameter.1);
+    let projected = project(model, block, &[]);
+    let likelihood = |change: &dyn Fn(&mut Noise)| {
+        let mut noises = model.nominal_noises();
+        change(&mut noises[source]);
+        exact(&model.blocks[block], &noises, &projected)
+    };
+    let rounded = likelihood(&|noise| noise.rounding = step);
+    likelihood(&|noise| noise.angle = step / 12.0_f64.sqrt()) > rounded
+}
+
+/// What is rounded to a lattice has at least the variance of the rounding, step²/12, whether the case says so or not;
+/// `of_angle` names the sensors whose lattice is that of an angle, which is another noise.
+///
+/// Readings of which many are equal would otherwise let fitted noise vanish, and the likelihood grow without bound: a
+/// density at the value that is repeated has no limit, the probability of a step of the lattice has.
+fn account_for_lattices(model: &mut Model, recording: &Recording, of_angle: &[usize]) {
+    for source in model.sources.iter_mut().filter(|source| source.port == Port::Output) {
+        if of_angle.contains(&source.sensor) {
+            continue;
+        }
+        let values = recording.sensors.get(source.sensor).map(|series| series.values.as_slice());
+        if let Some(lattice) = values.and_then(lattice) {
+            source.nominal.rounding = source.nominal.rounding.max(lattice.step);
         }
     }
 }
@@ -226,8 +343,9 @@ fn of_readings(
                 Parameter { name: name.to_owned(), value, sigma: None, unit, text: None, plausible: None }
             })
             .collect();
-        let interval_s = [at(fault.rows.0), at(fault.rows.1.saturating_sub(1))];
+        let interval_s = [at(fault.rows.0), at(fault.rows.1.saturating_sub(1)) + case.model.step_s];
         let id = candidate.effect.id.to_owned();
+        let rivals = same_in_parity(case.model, fault, candidate);
         findings.push(Finding {
             sentence: sentence(candidate, &sensor, &parameters, interval_s, case.time_s),
             sensor,
@@ -237,10 +355,29 @@ fn of_readings(
             parameters,
             evidence: Evidence { gain_nats: fault.evidence, p_value: ln_p.exp() },
             noise_shift: Vec::new(),
-            rivals: Vec::new(),
+            rivals,
         });
     }
     findings
+}
+
+/// The other sensors of a single parity relation: a spike in it may be any one's.
+fn same_in_parity(model: &Model, fault: &Fault, candidate: &Candidate) -> Vec<Rival> {
+    let block = model.block_of(fault.sensor).and_then(|block| model.blocks.get(block));
+    let Some(block) = block.filter(|block| fault.fault == ReadingFault::Outliers && block.channels == 1)
+    else {
+        return Vec::new();
+    };
+    let others = block.sensors.iter().filter(|&&sensor| sensor != fault.sensor);
+    (others.filter_map(|&sensor| model.sources.get(model.source_of(sensor, Port::Output)?)))
+        .map(|source| Rival {
+            sensor: source.name.clone(),
+            effect: candidate.effect.id.to_owned(),
+            principal_angle_deg: 0.0,
+            behind_nats: 0.0,
+            separated_by: candidate.effect.separated_by.to_owned(),
+        })
+        .collect()
 }
 
 /// Whether a candidate acts on anything that is compared.
@@ -282,8 +419,15 @@ fn estimate_unknown(model: &mut Model) -> Vec<SourceKnob> {
         };
         let largest =
             block.data.iter().filter(|value| value.is_finite()).fold(0.0_f64, |a, b| a.max(b.abs()));
-        // Median of |difference| of normal values: 0.6745 √2 σ.
-        let white = (median / 0.954).max(1e-6 * largest).max(f64::MIN_POSITIVE.sqrt());
+        // Readings of which most are equal have a median of zero, which is no noise level.
+        let squares: f64 = differences.iter().map(|difference| difference * difference).sum();
+        let spread = if median > 0.0 {
+            // Median of |difference| of normal values: 0.6745 √2 σ.
+            median / 0.954
+        } else {
+            (0.5 * squares / differences.len().max(1) as f64).sqrt()
+        };
+        let white = spread.max(1e-6 * largest).max(f64::MIN_POSITIVE.sqrt());
         model.sources[index].nominal.white = white;
         nuisances.push((index, Knob::White));
         model.notes.push(format!(
@@ -295,60 +439,146 @@ fn estimate_unknown(model: &mut Model) -> Vec<SourceKnob> {
 }
 
 /// Builds the findings: the best of each class is taken, then the parameters of all are fitted together.
-fn findings<'c>(case: &'c Case<'c>, selection: &mut Selection<'c>) -> Vec<Finding> {
+fn findings<'c>(case: &'c Case<'c>, selection: &mut Selection<'c>, ln_level: f64) -> Vec<Finding> {
     let mut found = Vec::new();
     let shown = selection.shown.clone();
-    for (item, shown) in shown {
+    let number = shown.len();
+    for (place, (item, shown)) in shown.into_iter().enumerate() {
+        case.watch.progress(Phase::Refine, place as f64 / number as f64);
+        if case.watch.is_cancelled() {
+            return Vec::new();
+        }
         let (ways, less) = alternatives(case, &selection.state, item, &selection.family);
-        if let (Item::Term(place), Some(first)) = (item, ways.first())
-            && let Some(term) = &first.term
-            && (first.evidence > shown.evidence
-                || whole_instrument(case, term, &selection.state.terms[place]))
-        {
-            selection.state.terms[place] = term.clone();
+        match (item, ways.first()) {
+            (Item::Term(place), Some(Alternative { term: Some(term), evidence, simpler, .. }))
+                if *evidence > shown.evidence
+                    || *simpler
+                    || whole_instrument(case, term, &selection.state.terms[place]) =>
+            {
+                selection.state.terms[place] = term.clone();
+            }
+            // Another structure of the same noise that was worse until the rest of it was fitted.
+            (Item::Change(place), Some(Alternative { fit: Some(fit), candidate, evidence, .. }))
+                if *evidence > shown.evidence
+                    && *candidate != selection.state.changes[place].candidate
+                    && less.changes.iter().all(|change| change.candidate != *candidate) =>
+            {
+                let mut other = less.clone();
+                add_change(&mut other, *candidate, fit.clone());
+                let moved = other.changes.pop();
+                selection.state.noises = other.noises;
+                selection.state.changes = other.changes;
+                if let Some(moved) = moved {
+                    selection.state.changes.insert(place, moved);
+                }
+            }
+            _ => {}
         }
         found.push((item, shown, ways, less));
     }
     let (state, bench) = refitted(case, &selection.state, None);
     selection.state = state;
     selection.bench = bench;
-    polish_nonlinear(case, &mut selection.state);
+    if polish_nonlinear(case, &mut selection.state) {
+        (selection.state, selection.bench) = refitted(case, &selection.state, None);
+    }
+    let alone = found.len() == 1;
+    loop {
+        let built: Vec<(Finding, f64)> = found
+            .par_iter()
+            .map(|found| {
+                let (shown, less) = shown_now(case, selection, found, alone);
+                (finding(case, selection, found, &less, shown), shown.ln_p)
+            })
+            .collect();
+        // What entered early may show nothing beside what came later.
+        let weakest = (0..built.len()).max_by(|&a, &b| built[a].1.total_cmp(&built[b].1));
+        let Some(weakest) = weakest.filter(|&weakest| built[weakest].1 > ln_level) else {
+            let mut findings: Vec<Finding> = built.into_iter().map(|(finding, _)| finding).collect();
+            findings.sort_by(|a, b| b.evidence.gain_nats.total_cmp(&a.evidence.gain_nats));
+            return findings;
+        };
+        take_back(case, selection, &mut found, weakest);
+    }
+}
+
+/// An item, what it showed when it was selected, the ways to describe it, the best first, and the state without it.
+type Found = (Item, Shown, Vec<Alternative>, State);
+
+/// Takes an item out of the description.
+fn take_back<'c>(case: &'c Case<'c>, selection: &mut Selection<'c>, found: &mut Vec<Found>, weakest: usize) {
+    let (item, ..) = found.remove(weakest);
+    (selection.state, selection.bench) = without(case, &selection.state, item);
+    for (other, ..) in found {
+        *other = match (*other, item) {
+            (Item::Term(place), Item::Term(gone)) if place > gone => Item::Term(place - 1),
+            (Item::Change(place), Item::Change(gone)) if place > gone => Item::Change(place - 1),
+            (unmoved, _) => unmoved,
+        };
+    }
+}
+
+/// What an item shows beside all the others as they now are, and the state without it.
+fn shown_now(
+    case: &Case<'_>,
+    selection: &Selection<'_>,
+    (item, shown, ways, less): &Found,
+    alone: bool,
+) -> (Shown, State) {
     let state = &selection.state;
-    let mut findings: Vec<Finding> = found
-        .into_iter()
-        .map(|(item, shown, mut ways, less)| {
-            let candidate = &case.candidates[candidate_of(state, item)];
-            // What was selected leads unless something of the same kind of item was better.
-            if let Some(place) = ways.iter().position(|way| way.candidate == candidate_of(state, item)) {
-                let own = ways.remove(place);
-                ways.insert(0, own);
-            }
-            let kept: Vec<Term> = less.terms.clone();
-            let bench = Bench::new(case, &kept, &state.noises);
-            let (mut class, rivals) = class(case, &bench, &ways);
-            if class.first().map(String::as_str) != Some(candidate.effect.id) {
-                class.retain(|id| id != candidate.effect.id);
-                class.insert(0, candidate.effect.id.to_owned());
-            }
-            let parameters = parameters(case, state, item);
-            let interval_s = interval(case, state, item);
-            let sensor = target_name(case.model, candidate);
-            let sentence = sentence(candidate, &sensor, &parameters, interval_s, case.time_s);
-            Finding {
-                sensor,
-                effect: candidate.effect.id.to_owned(),
-                class,
-                interval_s,
-                parameters,
-                evidence: Evidence { gain_nats: shown.gain, p_value: shown.ln_p.exp() },
-                sentence,
-                noise_shift: noise_shift(case, &less, state),
-                rivals,
-            }
-        })
-        .collect();
-    findings.sort_by(|a, b| b.evidence.gain_nats.total_cmp(&a.evidence.gain_nats));
-    findings
+    let own = candidate_of(state, *item);
+    // Without the only one nothing else may have changed.
+    let less = if alone { less.clone() } else { without(case, state, *item).0 };
+    let gain = state.log_likelihood - less.log_likelihood;
+    let evidence = match ways.iter().find(|way| way.candidate == own) {
+        Some(way) => evidence(gain, way.price.freedom, way.price.ln_places),
+        None => (shown.evidence - (shown.gain - gain).max(0.0)).max(0.0),
+    };
+    let ln_p = selection.family.ln_p(&case.candidates[own], evidence);
+    eprintln!(
+        "DEBUG {gain} {evidence} {ln_p} {:?}",
+        ways.iter().map(|w| (w.candidate == own, w.price, w.evidence)).collect::<Vec<_>>()
+    );
+    (Shown { gain, evidence, ln_p }, less)
+}
+
+/// The finding that an item is.
+fn finding(
+    case: &Case<'_>,
+    selection: &Selection<'_>,
+    (item, _, ways, _): &Found,
+    less: &State,
+    shown: Shown,
+) -> Finding {
+    let (state, item, mut ways) = (&selection.state, *item, ways.clone());
+    let candidate = &case.candidates[candidate_of(state, item)];
+    // What was selected leads unless something of the same kind of item was better.
+    if let Some(place) = ways.iter().position(|way| way.candidate == candidate_of(state, item)) {
+        let own = ways.remove(place);
+        ways.insert(0, own);
+    }
+    let kept: Vec<Term> = less.terms.clone();
+    let bench = Bench::new(case, &kept, &state.noises);
+    let (mut class, rivals) = class(case, &bench, &ways);
+    if class.first().map(String::as_str) != Some(candidate.effect.id) {
+        class.retain(|id| id != candidate.effect.id);
+        class.insert(0, candidate.effect.id.to_owned());
+    }
+    let parameters = parameters(case, state, item);
+    let interval_s = interval(case, state, item);
+    let sensor = target_name(case.model, candidate);
+    let sentence = sentence(candidate, &sensor, &parameters, interval_s, case.time_s);
+    Finding {
+        sensor,
+        effect: candidate.effect.id.to_owned(),
+        class,
+        interval_s,
+        parameters,
+        evidence: Evidence { gain_nats: shown.gain, p_value: shown.ln_p.exp() },
+        sentence,
+        noise_shift: noise_shift(case, less, state),
+        rivals,
+    }
 }
 
 /// Whether `term` is the same effect as `selected` on the whole instrument.
@@ -365,8 +595,9 @@ fn candidate_of(state: &State, item: Item) -> usize {
     }
 }
 
-/// Refines the non-linear parameters of each term beside the others.
-fn polish_nonlinear(case: &Case<'_>, state: &mut State) {
+/// Refines the non-linear parameters of each term beside the others; whether there were any.
+fn polish_nonlinear(case: &Case<'_>, state: &mut State) -> bool {
+    let mut refined = false;
     for place in 0..state.terms.len() {
         if state.terms[place].nonlinear.is_empty() || state.terms.len() < 2 {
             continue;
@@ -377,18 +608,21 @@ fn polish_nonlinear(case: &Case<'_>, state: &mut State) {
             .collect();
         let bench = Bench::new(case, &others, &state.noises);
         state.terms[place] = bench.refined(&state.terms[place]).0;
+        refined = true;
     }
+    refined
 }
 
-/// When it acts: from its onset on, or over the whole record.
+/// When it acts, to the end of the last step: from its onset or from where its signature begins.
 fn interval(case: &Case<'_>, state: &State, item: Item) -> [f64; 2] {
-    let end = case.time_s.last().copied().unwrap_or_default();
+    let end = case.time_s.last().copied().unwrap_or_default() + case.model.step_s;
     let start = match item {
         Item::Term(place) => {
             let term = &state.terms[place];
             match case.candidates[term.candidate].search {
                 Search::Onset(_) => term.nonlinear.first().copied().unwrap_or_default(),
-                _ => onset_parameter(&case.candidates[term.candidate], term).unwrap_or_default(),
+                _ => onset_parameter(&case.candidates[term.candidate], term)
+                    .unwrap_or_else(|| first_acting_s(case, term)),
             }
         }
         Item::Change(place) => {
@@ -400,13 +634,21 @@ fn interval(case: &Case<'_>, state: &State, item: Item) -> [f64; 2] {
     [start, end]
 }
 
+/// When the signature of a term first is not zero.
+fn first_acting_s(case: &Case<'_>, term: &Term) -> f64 {
+    let parts = term.columns.iter().flat_map(|column| &column.parts);
+    let row = parts.filter_map(|(_, values)| values.iter().position(|value| *value != 0.0)).min();
+    row.and_then(|row| case.time_s.get(row).copied()).unwrap_or_default()
+}
+
 fn onset_parameter(candidate: &Candidate, term: &Term) -> Option<f64> {
     let names = crate::description::nonlinear_names(candidate);
     let place = names.iter().position(|(name, _)| *name == "onset_s")?;
     term.nonlinear.get(place).copied()
 }
 
-/// Every noise parameter that moved by more than a per cent.
+/// Every noise parameter that moved by more than a per cent, of the parts that are there with the finding and without
+/// it: the time constant of a part that was not there before has not moved from anywhere.
 fn noise_shift(case: &Case<'_>, before: &State, after: &State) -> Vec<NoiseShift> {
     let mut shifts = Vec::new();
     for (index, source) in case.model.sources.iter().enumerate() {
@@ -420,6 +662,9 @@ fn noise_shift(case: &Case<'_>, before: &State, after: &State) -> Vec<NoiseShift
             }
             seen.push(knob);
             let (from, to) = (old.get(knob), new.get(knob));
+            if !(old.has_shape(knob) && new.has_shape(knob)) {
+                continue;
+            }
             if (from - to).abs() > 0.01 * from.abs().max(to.abs()) {
                 let scale = if knob.in_sensor_unit() { source.unit.in_si().recip() } else { 1.0 };
                 let unit = if knob.in_sensor_unit() {

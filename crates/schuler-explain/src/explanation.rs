@@ -128,7 +128,7 @@ pub struct Rival {
 }
 
 /// Goodness of fit before and after.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Fit {
     /// On the blocks that were fitted.
     pub train: BeforeAfter,
@@ -137,12 +137,23 @@ pub struct Fit {
 }
 
 /// Before and after the findings.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct BeforeAfter {
-    /// Without the findings (noise parameters fitted).
+    /// Without the findings: what the user believes, and fitted where nothing is known.
     pub before: Goodness,
     /// With them.
     pub after: Goodness,
+    /// The stretches that were judged, from the first row to the last, s from the start of the recording.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub intervals_s: Vec<[f64; 2]>,
+    /// Number of samples over which the likelihood is averaged, those of all sensors.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub samples: usize,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde asks for")]
+fn is_zero(number: &usize) -> bool {
+    *number == 0
 }
 
 /// How well a description predicts.

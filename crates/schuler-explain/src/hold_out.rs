@@ -1,14 +1,14 @@
 //! How well the description predicts what it was not fitted to.
 //!
 //! Every third of ten blocks of time is held out, with a gap of the longest correlation time on each side; short records
-//! hold out their last part. Terms and all noise parameters are fitted to the rest; the filter then runs through the
-//! whole record and its one-step predictions are judged on the blocks held out.
+//! hold out their last part. The description's terms and its free noise parameters are fitted to the rest; the filter
+//! then runs through the whole record and its one-step predictions are judged on the blocks held out. Before the findings
+//! the noise is what the user believes: noise that is fitted swallows what was left out, and would hide the gain.
 use rayon::prelude::*;
 
 use crate::description::{Term, project};
 use crate::explanation::{BeforeAfter, Fit, Goodness};
 use crate::noise::Noise;
-use crate::noise_fit::SourceKnob;
 use crate::nominal::Model;
 use crate::state::{Bench, Case, State, refitted};
 use crate::statistics::ljung_box;
@@ -65,18 +65,24 @@ fn parts(rows: usize, gap: usize) -> Vec<Part> {
         .collect()
 }
 
-/// The blocks held out, s from the start of the recording.
+/// The blocks held out, each to the end of its last step, s from the start of the recording.
 pub fn held_out_s(case: &Case<'_>, after: &State) -> Vec<[f64; 2]> {
     let parts = parts_of(case.model, after);
+    let of_rows = stretches(case, &parts, Part::HeldOut);
+    of_rows.into_iter().map(|[from, to]| [from, to + case.model.step_s]).collect()
+}
+
+/// The stretches of a part, from the first row to the last, s from the start of the recording.
+fn stretches(case: &Case<'_>, parts: &[Part], part: Part) -> Vec<[f64; 2]> {
     let mut row = 0;
     let mut blocks = Vec::new();
     for block in parts.chunk_by(|a, b| a == b) {
         let from = row;
         row += block.len();
-        if block.first() == Some(&Part::HeldOut)
+        if block.first() == Some(&part)
             && let (Some(start), Some(end)) = (case.time_s.get(from), case.time_s.get(row - 1))
         {
-            blocks.push([*start, end + case.model.step_s]);
+            blocks.push([*start, *end]);
         }
     }
     blocks
@@ -92,20 +98,21 @@ pub fn hold_out(case: &Case<'_>, before: &State, after: &State) -> Fit {
     let model = case.model;
     let parts = parts_of(model, after);
     let train = masked(model, &parts);
-    let train_case = Case { model: &train, candidates: case.candidates, time_s: case.time_s };
+    let train_case = Case::new(&train, case.candidates, case.time_s, case.watch);
     let nominal = model.nominal_noises();
-    let judged: Vec<(Goodness, Goodness)> = [before, after]
+    let judged: Vec<[(Goodness, usize); 2]> = [before, after]
         .into_par_iter()
         .map(|state| {
             let (fitted, amplitudes) = fitted(&train_case, state);
             judge(model, &fitted, &amplitudes, &nominal, &parts)
         })
         .collect();
-    let pair = |pick: fn(&(Goodness, Goodness)) -> Goodness| BeforeAfter {
-        before: judged.first().map(pick).unwrap_or_default(),
-        after: judged.get(1).map(pick).unwrap_or_default(),
+    let part = |place: usize, part: Part| {
+        let of = |state: usize| judged.get(state).map(|both| both[place]).unwrap_or_default();
+        let ((before, _), (after, samples)) = (of(0), of(1));
+        BeforeAfter { before, after, intervals_s: stretches(case, &parts, part), samples }
     };
-    Fit { train: pair(|both| both.0), held_out: pair(|both| both.1) }
+    Fit { train: part(0, Part::Train), held_out: part(1, Part::HeldOut) }
 }
 
 /// The model with the rows that are not for training missing.
@@ -125,13 +132,9 @@ fn masked(model: &Model, parts: &[Part]) -> Model {
     masked
 }
 
-/// Terms and all noise parameters fitted; with the amplitudes.
+/// Terms and the free noise parameters fitted; with the amplitudes.
 fn fitted(case: &Case<'_>, state: &State) -> (State, nalgebra::DVector<f64>) {
     let mut state = state.clone();
-    let all: Vec<SourceKnob> = (state.noises.iter().enumerate())
-        .flat_map(|(source, noise)| noise.knobs().into_iter().map(move |knob| (source, knob)))
-        .collect();
-    state.nuisances = all;
     for place in 0..state.terms.len() {
         if state.terms[place].nonlinear.is_empty() {
             continue;
@@ -147,14 +150,14 @@ fn fitted(case: &Case<'_>, state: &State) -> (State, nalgebra::DVector<f64>) {
     (state, bench.solution.amplitudes)
 }
 
-/// Goodness on the rows trained on and on those held out.
+/// Goodness on the rows trained on and on those held out, and the number of their samples.
 fn judge(
     model: &Model,
     state: &State,
     amplitudes: &nalgebra::DVector<f64>,
     nominal: &[Noise],
     parts: &[Part],
-) -> (Goodness, Goodness) {
+) -> [(Goodness, usize); 2] {
     let mut sums = [Sums::default(), Sums::default()];
     for (index, block) in model.blocks.iter().enumerate() {
         let Some(filter) = block.filter(&state.noises) else { continue };
@@ -198,8 +201,7 @@ fn judge(
             sums.whiteness.push(ljung_box(series, LAGS));
         }
     }
-    let [train, held_out] = sums;
-    (train.goodness(), held_out.goodness())
+    sums.map(|sums| (sums.goodness(), sums.count as usize))
 }
 
 #[derive(Default)]

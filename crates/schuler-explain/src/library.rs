@@ -1,22 +1,37 @@
 //! All candidates' signatures through the filter, once: scores, norms and correlations, from which everything else is
 //! linear algebra.
 //!
-//! Every point of a candidate's grid is an *entry* of one or more columns. A block keeps the whitened columns in single
-//! precision while it forms their normal matrix; what is decided by them is computed again exactly.
+//! Every point of a candidate's grid is an *entry* of one or more columns. A whitened column lives in single precision
+//! until its products with the data, the regressors and the other columns of its entry are taken; what is decided by them
+//! is computed again exactly. The correlations of all columns, which only the null distribution needs, are those of their
+//! sketches: rows with random signs summed into `SKETCH` places (Charikar, Chen & Farach-Colton 2004), by which a
+//! correlation ρ has a standard deviation of (1 − ρ²)/√`SKETCH`; a record that is no longer is exact. Memory is that of
+//! a few columns and the sketches, and the work grows as the length.
+use std::borrow::Cow;
+
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
-use rand::SeedableRng;
+use rand::{Rng, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
-use crate::catalogue::{Candidate, Column, Search};
-use crate::description::{Filters, Term, sensors_of};
+use crate::catalogue::{Candidate, Search, Signature};
+use crate::description::{Delays, Filters, Term, sensors_of};
 use crate::least_squares::{solve, solve_seen};
-use crate::nominal::Model;
+use crate::nominal::{Block, Model};
 use crate::statistics::ln_chi_squared_tail;
+use crate::whiten::Filter;
 
 /// Rows that are multiplied at a time.
 const TILE_ROWS: usize = 1024;
+/// Columns that are whitened at a time by each thread.
+const BATCH: usize = 8;
+/// Length of a column's sketch.
+const SKETCH: usize = 4096;
+/// Columns of a block from which on draws are made of the sketches themselves and not of a root of their correlations.
+const MANY_COLUMNS: usize = 1500;
+/// Values of signatures over several blocks that are kept at a time.
+const SHARED_VALUES: usize = 1 << 24;
 /// Part of a column's norm that must be left when what is already described is taken out.
 const SEEN: f64 = 1e-4;
 /// Eigenvalue below which a combination of an entry's columns is not seen.
@@ -48,10 +63,13 @@ pub struct Entry {
 
 /// Whitened columns of a block, reduced.
 struct BlockSums {
-    /// Place in `scores` by column.
+    /// Place in `scores` by column; regressors first.
     place: Vec<Option<usize>>,
     scores: DVector<f64>,
-    normal: DMatrix<f64>,
+    /// Products with the regressors, and with the columns of the same entry from its first to itself.
+    with_regressors: Vec<Vec<f64>>,
+    with_entry: Vec<Vec<f64>>,
+    sketches: Vec<Vec<f32>>,
 }
 
 /// The library under one set of noises, beside given regressors.
@@ -73,8 +91,11 @@ struct Prepared {
     inverse: DMatrix<f64>,
 }
 
-/// Norms of a block's columns and the Cholesky root of their correlations.
-type Root = (DVector<f64>, Option<Cholesky<f64, Dyn>>);
+/// How joint scores of a block's columns are drawn: by the root of their correlations, or by their sketches.
+enum Root<'s> {
+    Correlations(Option<Cholesky<f64, Dyn>>),
+    Sketches(&'s [Vec<f32>]),
+}
 
 /// What an entry gains.
 #[derive(Clone, Copy, Debug)]
@@ -127,6 +148,7 @@ impl Library {
         wanted: &(dyn Fn(usize) -> bool + Sync),
     ) -> Self {
         let regressors = model.constants.len() + terms.iter().map(Term::amplitudes).sum::<usize>();
+        let delays = Delays::new(terms);
         let mut entries = Vec::new();
         let mut first = regressors;
         for (index, candidate) in candidates.iter().enumerate().filter(|(index, _)| wanted(*index)) {
@@ -137,23 +159,48 @@ impl Library {
                 first += columns;
             }
         }
-        let blocks = (0..model.blocks.len())
+        let blocks_of: Vec<Vec<usize>> = (entries.iter())
+            .map(|entry| blocks_of(model, &sensors_of(&candidates[entry.candidate])))
+            .collect();
+        let longest = model.blocks.iter().map(|block| block.data.len()).max().unwrap_or_default();
+        let signs = if correlations { signs(longest) } else { Vec::new() };
+        let mut builders: Vec<Builder<'_>> = (0..model.blocks.len())
             .into_par_iter()
-            .filter_map(|block| {
-                let whitened = whitened[block].as_ref()?;
-                BlockSums::new(
-                    model,
-                    filters,
-                    block,
-                    whitened,
-                    candidates,
-                    &entries,
-                    terms,
-                    first,
-                    correlations,
-                )
+            .filter_map(|index| {
+                let filter = filters.of_block[index].as_ref()?;
+                let data = whitened[index].as_ref()?;
+                let mut builder = Builder::new(model, index, filter, data, terms, &signs);
+                // What acts on this block alone; what acts on several is made once for all.
+                for (number, entry) in entries.iter().enumerate() {
+                    if blocks_of[number] == [index] {
+                        builder.add(
+                            number,
+                            entry,
+                            &candidates[entry.candidate],
+                            &signature(model, &delays, candidates, entry),
+                        );
+                    }
+                }
+                builder.reduce();
+                Some(builder)
             })
             .collect();
+        let shared: Vec<usize> = (0..entries.len()).filter(|&number| blocks_of[number].len() > 1).collect();
+        let together = (SHARED_VALUES / (longest * model.blocks.len()).max(1)).clamp(2, 4 * BATCH);
+        for numbers in shared.chunks(together) {
+            let signatures: Vec<Cow<'_, Signature>> = numbers
+                .par_iter()
+                .map(|&number| signature(model, &delays, candidates, &entries[number]))
+                .collect();
+            builders.par_iter_mut().for_each(|builder| {
+                for (&number, signature) in numbers.iter().zip(&signatures) {
+                    let entry = &entries[number];
+                    builder.add(number, entry, &candidates[entry.candidate], signature);
+                }
+                builder.reduce();
+            });
+        }
+        let blocks = builders.into_iter().map(|builder| builder.finish(first)).collect();
         let mut library = Self { entries, regressors, blocks, prepared: Vec::new() };
         library.prepare();
         library
@@ -194,7 +241,7 @@ impl Library {
                 let Some(row) = block.place[row] else { continue };
                 for (j, &column) in columns.iter().enumerate() {
                     let Some(column) = block.place[column] else { continue };
-                    normal[(i, j)] += block.normal[(row, column)];
+                    normal[(i, j)] += block.product(row, column);
                 }
             }
         }
@@ -237,31 +284,26 @@ impl Library {
     /// The distribution of the best candidate where nothing is hidden: whitened innovations are then independent
     /// standard normals, and the scores jointly normal with the columns' normal matrix.
     pub fn null_distribution(&self, candidates: usize) -> NullDistribution {
-        let roots: Vec<Root> = (self.blocks.par_iter())
-            .map(|block| {
-                let scale = block.normal.diagonal().map(|d| if d > 0.0 { d.sqrt() } else { 0.0 });
-                let size = scale.len();
-                let correlation = DMatrix::from_fn(size, size, |i, j| {
-                    let product = scale[i] * scale[j];
-                    let value = if product > 0.0 { block.normal[(i, j)] / product } else { 0.0 };
-                    if i == j { 1.0 + JITTER } else { value }
-                });
-                (scale, correlation.cholesky())
-            })
-            .collect();
+        let roots: Vec<Root<'_>> = self.blocks.par_iter().map(BlockSums::root).collect();
         let drawn: Vec<Vec<f64>> = (0..DRAWS)
             .into_par_iter()
             .map(|draw| {
                 let mut random = Pcg64::seed_from_u64(SEED + draw as u64);
-                let scores: Vec<DVector<f64>> = (roots.iter())
-                    .map(|(scale, root)| {
-                        let independent =
-                            DVector::from_fn(scale.len(), |_, _| StandardNormal.sample(&mut random));
+                let scores: Vec<DVector<f64>> = (roots.iter().zip(&self.blocks))
+                    .map(|(root, block)| {
+                        let size = block.scores.len();
                         let joint = match root {
-                            Some(root) => root.l_dirty().lower_triangle() * independent,
-                            None => independent,
+                            Root::Sketches(sketches) => draw_of_sketches(sketches, &mut random),
+                            Root::Correlations(root) => {
+                                let independent =
+                                    DVector::from_fn(size, |_, _| StandardNormal.sample(&mut random));
+                                match root {
+                                    Some(root) => root.l_dirty().lower_triangle() * independent,
+                                    None => independent,
+                                }
+                            }
                         };
-                        joint.component_mul(scale)
+                        DVector::from_fn(size, |i, _| joint[i] * block.product(i, i).max(0.0).sqrt())
                     })
                     .collect();
                 let views: Vec<&DVector<f64>> = scores.iter().collect();
@@ -308,74 +350,209 @@ impl NullDistribution {
     }
 }
 
-impl BlockSums {
-    #[expect(clippy::too_many_arguments)]
+/// The signature of an entry, as late as the readings that it is in.
+fn signature<'c>(
+    model: &Model,
+    delays: &Delays,
+    candidates: &'c [Candidate],
+    entry: &Entry,
+) -> Cow<'c, Signature> {
+    let candidate = &candidates[entry.candidate];
+    let signature = match &candidate.search {
+        Search::Linear(signature) => Cow::Borrowed(signature),
+        Search::Grid { signature, .. } => Cow::Owned(signature(&entry.point)),
+        _ => Cow::Owned(Signature::default()),
+    };
+    if delays.is_empty() || !candidate.effect.is_of_the_motion() {
+        return signature;
+    }
+    let late = signature.columns.iter().map(|column| delays.late(model, true, column).into_owned());
+    Cow::Owned(Signature { columns: late.collect() })
+}
+
+/// The blocks in which some of `sensors` are.
+fn blocks_of(model: &Model, sensors: &[usize]) -> Vec<usize> {
+    let has = |&index: &usize| model.blocks[index].sensors.iter().any(|sensor| sensors.contains(sensor));
+    (0..model.blocks.len()).filter(has).collect()
+}
+
+/// Random signs.
+fn signs(number: usize) -> Vec<f32> {
+    let mut random = Pcg64::seed_from_u64(SEED);
+    let mut signs = Vec::with_capacity(number);
+    while signs.len() < number {
+        let bits = random.next_u64();
+        signs.extend(
+            (0..64.min(number - signs.len())).map(|bit| if bits >> bit & 1 == 0 { 1.0 } else { -1.0 }),
+        );
+    }
+    signs
+}
+
+/// Rows with random signs summed into the places of a sketch; of unit length.
+fn sketch(column: &[f32], signs: &[f32]) -> Vec<f32> {
+    let mut sketch = vec![0.0; SKETCH.min(column.len())];
+    for (values, signs) in column.chunks(SKETCH).zip(signs.chunks(SKETCH)) {
+        for ((place, value), sign) in sketch.iter_mut().zip(values).zip(signs) {
+            *place += sign * value;
+        }
+    }
+    let length = tiled_dot(&sketch, &sketch).sqrt();
+    if length > 0.0 {
+        for place in &mut sketch {
+            *place = (f64::from(*place) / length) as f32;
+        }
+    }
+    sketch
+}
+
+/// Joint scores of unit variance that are correlated as the sketches are.
+fn draw_of_sketches(sketches: &[Vec<f32>], random: &mut Pcg64) -> DVector<f64> {
+    let length = sketches.first().map_or(0, Vec::len);
+    let independent: Vec<f32> = (0..length).map(|_| StandardNormal.sample(random)).collect();
+    DVector::from_iterator(sketches.len(), sketches.iter().map(|sketch| tiled_dot(sketch, &independent)))
+}
+
+/// Takes the columns of a block in, one entry after the other.
+struct Builder<'b> {
+    block: &'b Block,
+    filter: &'b Filter,
+    data: &'b [f64],
+    signs: &'b [f32],
+    regressors: Vec<Vec<f32>>,
+    /// Column and entry of what waits to be whitened.
+    waiting: Vec<(usize, usize, Vec<f64>)>,
+    ids: Vec<usize>,
+    scores: Vec<f64>,
+    with_regressors: Vec<Vec<f64>>,
+    with_entry: Vec<Vec<f64>>,
+    sketches: Vec<Vec<f32>>,
+}
+
+impl<'b> Builder<'b> {
     fn new(
-        model: &Model,
-        filters: &Filters,
-        block_index: usize,
-        data: &[f64],
-        candidates: &[Candidate],
-        entries: &[Entry],
+        model: &'b Model,
+        index: usize,
+        filter: &'b Filter,
+        data: &'b [f64],
         terms: &[Term],
-        all: usize,
-        correlations: bool,
-    ) -> Option<Self> {
-        let block = &model.blocks[block_index];
-        let filter = filters.of_block[block_index].as_ref()?;
-        let mut ids = Vec::new();
-        let mut whitened: Vec<Vec<f32>> = Vec::new();
-        let mut waiting: Vec<Vec<f64>> = Vec::new();
-        let run = |waiting: &mut Vec<Vec<f64>>, whitened: &mut Vec<Vec<f32>>| {
-            let views: Vec<&[f64]> = waiting.iter().map(Vec::as_slice).collect();
-            whitened.append(&mut filter.whiten_single(&views));
-            waiting.clear();
+        signs: &'b [f32],
+    ) -> Self {
+        let projected = crate::description::project(model, index, terms);
+        let views: Vec<&[f64]> = projected.columns.iter().map(Vec::as_slice).collect();
+        let regressors = filter.whiten_single(&views);
+        let mut builder = Self {
+            block: &model.blocks[index],
+            filter,
+            data,
+            signs,
+            regressors: Vec::new(),
+            waiting: Vec::new(),
+            ids: Vec::new(),
+            scores: Vec::new(),
+            with_regressors: Vec::new(),
+            with_entry: Vec::new(),
+            sketches: Vec::new(),
         };
-        let projected = crate::description::project(model, block_index, terms);
-        ids.extend(projected.places);
-        waiting.extend(projected.columns);
-        run(&mut waiting, &mut whitened);
-        let regressors = ids.len();
-        let mut groups = vec![0; regressors];
-        for (number, entry) in entries.iter().enumerate() {
-            let candidate = &candidates[entry.candidate];
-            if !sensors_of(candidate).iter().any(|sensor| block.sensors.contains(sensor)) {
-                continue;
-            }
-            let generated;
-            let columns: &[Column] = match &candidate.search {
-                Search::Linear(signature) => &signature.columns,
-                Search::Grid { signature, .. } => {
-                    generated = signature(&entry.point).columns;
-                    &generated
-                }
-                _ => &[],
-            };
-            for (index, column) in columns.iter().enumerate().take(entry.columns) {
-                if let Some(values) = block.project(column, candidate.port) {
-                    ids.push(entry.first + index);
-                    groups.push(number);
-                    waiting.push(values);
-                }
-            }
-            if waiting.len() >= 8 {
-                run(&mut waiting, &mut whitened);
+        for (place, column) in projected.places.into_iter().zip(regressors) {
+            builder.regressors.push(column);
+            let column = &builder.regressors[builder.regressors.len() - 1];
+            let sums = builder.sums_of(column);
+            builder.push(place, sums, Vec::new());
+        }
+        builder
+    }
+
+    /// Takes an entry in; columns are whitened when there are enough.
+    fn add(&mut self, number: usize, entry: &Entry, candidate: &Candidate, signature: &Signature) {
+        for (index, column) in signature.columns.iter().enumerate().take(entry.columns) {
+            if let Some(values) = self.block.project(column, candidate.port) {
+                self.waiting.push((entry.first + index, number, values));
             }
         }
-        run(&mut waiting, &mut whitened);
+        if self.waiting.len() >= BATCH * rayon::current_num_threads().max(1) {
+            self.reduce();
+        }
+    }
+
+    /// Whitens what waits, and takes all products that are needed of it.
+    fn reduce(&mut self) {
+        let waiting = std::mem::take(&mut self.waiting);
+        let whitened: Vec<Vec<f32>> = (waiting.par_chunks(BATCH))
+            .flat_map_iter(|batch| {
+                let views: Vec<&[f64]> = batch.iter().map(|(_, _, values)| values.as_slice()).collect();
+                self.filter.whiten_single(&views)
+            })
+            .collect();
+        let reduced: Vec<_> = (0..waiting.len())
+            .into_par_iter()
+            .map(|place| {
+                let number = waiting[place].1;
+                let first = waiting.partition_point(|(_, other, _)| *other < number);
+                let own = (first..=place).map(|other| tiled_dot(&whitened[place], &whitened[other]));
+                (self.sums_of(&whitened[place]), own.collect())
+            })
+            .collect();
+        for ((id, _, _), (sums, own)) in waiting.iter().zip(reduced) {
+            self.push(*id, sums, own);
+        }
+    }
+
+    /// Score, products with the regressors, and sketch of a whitened column.
+    fn sums_of(&self, column: &[f32]) -> (f64, Vec<f64>, Vec<f32>) {
+        let score = column.iter().zip(self.data).map(|(a, b)| f64::from(*a) * b).sum();
+        let with_regressors = self.regressors.iter().map(|other| tiled_dot(column, other)).collect();
+        let sketch = if self.signs.is_empty() { Vec::new() } else { sketch(column, self.signs) };
+        (score, with_regressors, sketch)
+    }
+
+    fn push(&mut self, id: usize, sums: (f64, Vec<f64>, Vec<f32>), with_entry: Vec<f64>) {
+        let (score, with_regressors, sketch) = sums;
+        self.ids.push(id);
+        self.scores.push(score);
+        self.with_regressors.push(with_regressors);
+        self.with_entry.push(with_entry);
+        self.sketches.push(sketch);
+    }
+
+    /// The sums, `all` columns being in the library.
+    fn finish(self, all: usize) -> BlockSums {
         let mut place = vec![None; all];
-        for (index, &id) in ids.iter().enumerate() {
+        for (index, &id) in self.ids.iter().enumerate() {
             place[id] = Some(index);
         }
-        let scores = DVector::from_iterator(
-            ids.len(),
-            whitened
-                .iter()
-                .map(|column| column.iter().zip(data).map(|(a, b)| f64::from(*a) * b).sum::<f64>()),
-        );
-        let normal =
-            normal_matrix(&whitened, |i, j| correlations || j < regressors || groups[i] == groups[j]);
-        Some(Self { place, scores, normal })
+        BlockSums {
+            place,
+            scores: DVector::from_vec(self.scores),
+            with_regressors: self.with_regressors,
+            with_entry: self.with_entry,
+            sketches: self.sketches,
+        }
+    }
+}
+
+impl BlockSums {
+    /// Product of two columns; 0 where it was not needed.
+    fn product(&self, a: usize, b: usize) -> f64 {
+        let (low, high) = (a.min(b), a.max(b));
+        if let Some(&product) = self.with_regressors[high].get(low) {
+            return product;
+        }
+        let own = &self.with_entry[high];
+        (low + own.len()).checked_sub(high + 1).and_then(|at| own.get(at)).copied().unwrap_or_default()
+    }
+
+    /// How joint scores are drawn.
+    fn root(&self) -> Root<'_> {
+        let size = self.sketches.len();
+        if size > MANY_COLUMNS {
+            return Root::Sketches(&self.sketches);
+        }
+        let mut correlation = normal_matrix(&self.sketches);
+        for i in 0..size {
+            correlation[(i, i)] = 1.0 + JITTER;
+        }
+        Root::Correlations(correlation.cholesky())
     }
 }
 
@@ -394,31 +571,20 @@ fn ln_number_of_mean(mean: f64) -> f64 {
     low
 }
 
-/// Sums of products of columns, those that are needed, in single precision over tiles that fit into the cache.
-fn normal_matrix(columns: &[Vec<f32>], needed: impl Fn(usize, usize) -> bool + Sync) -> DMatrix<f64> {
+/// Sums of products of columns in single precision over tiles that fit into the cache.
+fn normal_matrix(columns: &[Vec<f32>]) -> DMatrix<f64> {
     let size = columns.len();
-    let rows = columns.first().map_or(0, Vec::len);
-    let tiles = rows.div_ceil(TILE_ROWS);
-    let share = tiles.div_ceil(rayon::current_num_threads().max(1)).max(1);
-    let parts: Vec<DMatrix<f64>> = (0..tiles.div_ceil(share))
-        .into_par_iter()
-        .map(|part| {
-            let mut normal = DMatrix::zeros(size, size);
-            for tile in part * share..((part + 1) * share).min(tiles) {
-                let range = tile * TILE_ROWS..((tile + 1) * TILE_ROWS).min(rows);
-                for i in 0..size {
-                    let a = &columns[i][range.clone()];
-                    for j in (0..=i).filter(|&j| needed(i, j)) {
-                        normal[(i, j)] += f64::from(dot(a, &columns[j][range.clone()]));
-                    }
-                }
-            }
-            normal
-        })
+    let rows: Vec<Vec<f64>> = (columns.par_iter().enumerate())
+        .map(|(i, column)| columns[..=i].iter().map(|other| tiled_dot(column, other)).collect())
         .collect();
-    let mut normal = parts.into_iter().fold(DMatrix::zeros(size, size), |sum, part| sum + part);
+    let mut normal = DMatrix::from_fn(size, size, |i, j| rows[i].get(j).copied().unwrap_or_default());
     normal.fill_upper_triangle_with_lower_triangle();
     normal
+}
+
+/// Sum of products, in single precision within a tile.
+fn tiled_dot(a: &[f32], b: &[f32]) -> f64 {
+    a.chunks(TILE_ROWS).zip(b.chunks(TILE_ROWS)).map(|(a, b)| f64::from(dot(a, b))).sum()
 }
 
 /// Sum of products over a tile.
@@ -434,4 +600,32 @@ fn dot(a: &[f32], b: &[f32]) -> f32 {
     }
     let rest: f32 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
     sums.iter().sum::<f32>() + rest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sketches_keep_correlations() {
+        let rows = 40 * SKETCH;
+        let wave = |period: f64| -> Vec<f32> {
+            (0..rows).map(|row| (std::f64::consts::TAU * row as f64 / period).sin() as f32).collect()
+        };
+        // Periods that fall on the places of the sketch are the worst.
+        let (a, b) = (wave(SKETCH as f64), wave(SKETCH as f64 / 2.0));
+        let near: Vec<f32> = a.iter().zip(&b).map(|(a, b)| a + 0.1 * b).collect();
+        let signs = signs(rows);
+        let sketches = [&a, &b, &near].map(|column| sketch(column, &signs));
+        let bound = 5.0 / (SKETCH as f64).sqrt();
+        assert!(tiled_dot(&sketches[0], &sketches[1]).abs() < bound);
+        let exact = 1.01_f64.sqrt().recip();
+        let found = tiled_dot(&sketches[0], &sketches[2]);
+        assert!((found - exact).abs() < bound * (1.0 - exact * exact), "{found} {exact}");
+        // A record that is no longer than a sketch is exact.
+        let (a, near) = (&a[..1000], &near[..1000]);
+        let correlation = |a: &[f32], b: &[f32]| tiled_dot(a, b) / (tiled_dot(a, a) * tiled_dot(b, b)).sqrt();
+        let found = tiled_dot(&sketch(a, &signs), &sketch(near, &signs));
+        assert!((found - correlation(a, near)).abs() < 1e-6);
+    }
 }

@@ -87,6 +87,8 @@ pub fn left(case: &Case<'_>, state: &State, inputs: &Inputs<'_>) -> (bool, Optio
                 .collect(),
             port: Port::Output,
             unit_amplitude: false,
+            of_the_motion: false,
+            delay_s: None,
         };
         if !term.columns.is_empty() {
             remainder.gain_nats = bench.gain_of(&term).0;

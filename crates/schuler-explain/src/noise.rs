@@ -1,14 +1,14 @@
 //! The noise of one source: its parts, its parameters one by one, its state-space form and its spectrum.
 //!
 //! Parts: white; known rounding of the output (variance step²/12); first-order Markov, R(τ) = σ² exp(−|τ|/τ_c);
-//! exponential-cosine, R(τ) = σ² exp(−α|τ|) cos βτ, in its two-noise form [FIL-16]; random walk; flicker as four Markov
+//! exponential-cosine, R(τ) = σ² exp(−α|τ|) cos βτ, in its two-noise form [FIL-16]; random walk; flicker as Markov
 //! parts of one level; differenced rounding of an angle. Everything in SI units of the source.
 use schuler_recording::case::{ExponentialCosine, Markov, Nominal};
 
 use crate::catalogue::NoiseChange;
 
-/// Markov parts of which flicker is made.
-pub const FLICKER_PARTS: usize = 4;
+/// Markov parts of which flicker is made: with fewer over a long record its spectrum has steps that a Markov part fills.
+pub const FLICKER_PARTS: usize = 6;
 
 /// The noise of a source.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -174,6 +174,15 @@ impl Noise {
             Knob::Flicker => self.flicker.sigma,
             Knob::Angle => self.angle,
             Knob::StepRatio => self.step.map_or(1.0, |step| step.ratio),
+        }
+    }
+
+    /// Whether a parameter means anything: a correlation time or a frequency does only where its part is there.
+    pub fn has_shape(&self, knob: Knob) -> bool {
+        match knob {
+            Knob::MarkovTau(index) => index < self.markov.len(),
+            Knob::CosineAlpha(index) | Knob::CosineBeta(index) => index < self.exp_cos.len(),
+            _ => true,
         }
     }
 

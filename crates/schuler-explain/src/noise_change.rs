@@ -19,10 +19,14 @@ use crate::whiten::Filter;
 const MOST_MARKOV: usize = 3;
 /// Gain on Whittle's likelihood below which the exact one is not asked.
 const WORTH_POLISHING: f64 = 3.0;
+/// The same for its evidence: what shows less is neither taken nor tried beside a term.
+const LEAST_EVIDENCE: f64 = 2.0;
 /// Correlation times tried for a further part: from steps, to a part of the record, by a factor.
 const SHORTEST_STEPS: f64 = 2.0;
 const LONGEST_PART: f64 = 0.3;
 const TAU_FACTOR: f64 = 3.0;
+/// Shortest correlation times tried for flicker, steps; its longest is the record, as flicker does not end within it.
+const FLICKER_STEPS: [f64; 2] = [2.0, 6.0];
 /// Levels tried for a further part, relative to what one step tells.
 const LEVELS: [f64; 7] = [0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0];
 /// Starts kept for the simplex.
@@ -88,16 +92,19 @@ impl View<'_> {
         if change == NoiseChange::VarianceStep {
             return self.fit_step(source);
         }
-        let base = self.spectrum.log_likelihood(self.block, self.noises);
+        let one = self.spectrum.one_source(self.block, self.noises, source)?;
+        let base = one.log_likelihood(&self.noises[source]);
         let mut starts: Vec<(f64, Start)> = (self.starts(source, origin, change).into_iter())
-            .map(|start| (self.spectrum.log_likelihood(self.block, &start.noises), start))
+            .map(|start| (one.log_likelihood(&start.noises[source]), start))
             .filter(|(likelihood, _)| likelihood.is_finite())
             .collect();
         starts.sort_by(|a, b| b.0.total_cmp(&a.0));
         // One start each for what is of another kind.
         let mut kept: Vec<Start> = Vec::new();
         for (_, start) in starts {
-            let same = kept.iter().filter(|other| other.knobs == start.knobs).count();
+            let flicker = |start: &Start| start.noises.get(source).map(|noise| noise.flicker.tau_s);
+            let alike = |other: &&Start| other.knobs == start.knobs && flicker(other) == flicker(&start);
+            let same = kept.iter().filter(alike).count();
             if same < STARTS {
                 kept.push(start);
             }
@@ -105,8 +112,10 @@ impl View<'_> {
         let mut best: Option<ChangeFit> = None;
         for start in kept {
             let knobs: Vec<SourceKnob> = start.knobs.iter().map(|&knob| (source, knob)).collect();
-            let (noises, likelihood) = whittle(self.block, self.spectrum, &start.noises, &knobs);
-            if likelihood - base < WORTH_POLISHING {
+            let (noises, likelihood) = whittle(self.block, &one, &start.noises, &knobs);
+            let promised = likelihood - base;
+            let ln_p = ln_chi_squared_tail(2.0 * promised, start.freedom) + start.ln_places;
+            if promised < WORTH_POLISHING || -ln_p < LEAST_EVIDENCE {
                 continue;
             }
             let fit = polish(self.block, self.spectrum, self.projected, &noises, &knobs);
@@ -126,6 +135,22 @@ impl View<'_> {
             }
         }
         best
+    }
+
+    /// A further Markov part of a source, and what it would gain, both by Whittle's likelihood.
+    pub fn further_markov(&self, source: usize, origin: &Source) -> Option<(Markov, f64)> {
+        let part = self.noises[source].markov.len();
+        let one = self.spectrum.one_source(self.block, self.noises, source)?;
+        let base = one.log_likelihood(&self.noises[source]);
+        let starts = self.starts(source, origin, NoiseChange::Markov).into_iter();
+        let (_, start) = starts
+            .filter(|start| start.knobs.contains(&Knob::MarkovSigma(part)))
+            .map(|start| (one.log_likelihood(&start.noises[source]), start))
+            .filter(|(likelihood, _)| likelihood.is_finite())
+            .max_by(|a, b| a.0.total_cmp(&b.0))?;
+        let knobs: Vec<SourceKnob> = start.knobs.iter().map(|&knob| (source, knob)).collect();
+        let (noises, likelihood) = whittle(self.block, &one, &start.noises, &knobs);
+        Some((*noises[source].markov.get(part)?, likelihood - base))
     }
 
     /// What one step tells of a source: the unit in which levels are tried.
@@ -178,14 +203,18 @@ impl View<'_> {
                 starts
             }
             NoiseChange::AngleQuantisation => single(Knob::Angle, 1),
+            NoiseChange::Flicker if own.flicker.sigma > 0.0 => single(Knob::Flicker, 1),
             NoiseChange::Flicker => {
-                let tau_s = [SHORTEST_STEPS * step_s, LONGEST_PART * length_s];
-                let mut starts = single(Knob::Flicker, 1);
-                for start in &mut starts {
-                    let flicker = &mut start.noises[source].flicker;
-                    *flicker = Flicker { tau_s, ..*flicker };
-                }
-                starts
+                let of = |steps: f64| {
+                    let mut starts = single(Knob::Flicker, 1);
+                    for start in &mut starts {
+                        let flicker = &mut start.noises[source].flicker;
+                        *flicker = Flicker { tau_s: [steps * step_s, length_s], ..*flicker };
+                        start.ln_places = (FLICKER_STEPS.len() as f64).ln();
+                    }
+                    starts
+                };
+                FLICKER_STEPS.into_iter().flat_map(of).collect()
             }
             NoiseChange::Markov => {
                 let mut starts: Vec<Start> = (0..own.markov.len())

@@ -2,11 +2,10 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::description::{Projected, Sums};
-use crate::least_squares::solve;
 use crate::minimise::{IMPOSSIBLE, simplex};
 use crate::noise::{Knob, Noise};
 use crate::nominal::Block;
-use crate::spectrum::Spectrum;
+use crate::spectrum::{OneSource, Spectrum};
 
 /// Side of the first simplex, in logarithms.
 const SIDE: f64 = 0.7;
@@ -73,22 +72,27 @@ pub fn exact(block: &Block, noises: &[Noise], projected: &Projected) -> f64 {
     if best.is_finite() { best } else { f64::NEG_INFINITY }
 }
 
-/// The maximum of Whittle's likelihood over `knobs` from the noises given; noises and log-likelihood.
-pub fn whittle(
-    block: &Block,
-    spectrum: &Spectrum,
-    noises: &[Noise],
-    knobs: &[SourceKnob],
-) -> (Vec<Noise>, f64) {
+/// The maximum of Whittle's likelihood over `knobs` of one source from the noises given; noises and log-likelihood.
+pub fn whittle(block: &Block, one: &OneSource, noises: &[Noise], knobs: &[SourceKnob]) -> (Vec<Noise>, f64) {
     let start = logs_of(noises, knobs);
     let (step_s, rows) = (block.step_s(), block.rows());
     let cost = |logs: &[f64]| {
         let beyond = outside(knobs, logs, step_s, rows);
-        100.0 * beyond - spectrum.log_likelihood(block, &with_logs(noises, knobs, logs))
+        100.0 * beyond - one_source_likelihood(one, noises, knobs, logs)
     };
     let iterations = ITERATIONS * knobs.len() as u64;
     let (best, cost) = simplex(&start, &vec![SIDE; start.len()], SPREAD, iterations, cost);
     (with_logs(noises, knobs, &best), -cost)
+}
+
+/// Whittle's log-likelihood with the logarithms of `knobs`, all of one source.
+fn one_source_likelihood(one: &OneSource, noises: &[Noise], knobs: &[SourceKnob], logs: &[f64]) -> f64 {
+    let Some(&(source, _)) = knobs.first() else { return f64::NEG_INFINITY };
+    let mut noise = noises[source].clone();
+    for (&(_, knob), log) in knobs.iter().zip(logs) {
+        noise.set(knob, log.exp());
+    }
+    one.log_likelihood(&noise)
 }
 
 /// The maximum of the exact likelihood over `knobs`, from noises near it; curvatures from Whittle's.
@@ -109,8 +113,13 @@ pub fn polish(
     if here == f64::NEG_INFINITY {
         return NoiseFit { noises: noises.to_vec(), log_likelihood: here };
     }
+    let alone = (knobs.first().filter(|first| knobs.iter().all(|knob| knob.0 == first.0)))
+        .and_then(|&(source, _)| spectrum.one_source(block, noises, source));
     for _ in 0..NEWTON {
-        let cost = |logs: &[f64]| -spectrum.log_likelihood(block, &with_logs(noises, knobs, logs));
+        let cost = |logs: &[f64]| match &alone {
+            Some(one) => -one_source_likelihood(one, noises, knobs, logs),
+            None => -spectrum.log_likelihood(block, &with_logs(noises, knobs, logs)),
+        };
         let mut information = curvature(&logs, STEP, cost);
         let size = logs.len();
         let mut gradient = DVector::zeros(size);
@@ -178,23 +187,4 @@ pub fn curvature(at: &[f64], step: f64, cost: impl Fn(&[f64]) -> f64) -> DMatrix
         }
     }
     curvature
-}
-
-/// Whitened residuals of a block after its regressors at their best.
-pub fn whitened_remainder(filter: &crate::whiten::Filter, projected: &Projected) -> Vec<f64> {
-    let columns: Vec<&[f64]> =
-        std::iter::once(&projected.data).chain(&projected.columns).map(Vec::as_slice).collect();
-    let mut whitened = filter.whiten(&columns);
-    let sums = Sums::of_whitened(filter, &whitened);
-    let mut remainder = whitened.swap_remove(0);
-    if !sums.scores.is_empty() {
-        let solution = solve(&sums.normal, &sums.scores);
-        // The first was replaced by the last.
-        let regressors = whitened.len();
-        for (place, amplitude) in solution.amplitudes.iter().enumerate() {
-            let column = if place + 1 == regressors { &whitened[0] } else { &whitened[place + 1] };
-            remainder.iter_mut().zip(column).for_each(|(value, column)| *value -= amplitude * column);
-        }
-    }
-    remainder
 }

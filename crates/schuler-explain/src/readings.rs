@@ -1,22 +1,19 @@
-//! Faults that readings show without a model of the sensor: stuck, clipped, coarse, spiked; and jumps on and off.
+//! Faults that readings show without a model of the sensor: stuck, clipped, coarse, spiked.
 //!
 //! They are sought before anything else, and the readings that they spoil are missing from then on: a single spike
 //! would breed findings of every kind. Evidence is −ln of a probability on the safe side:
 //! - stuck: a run of L equal readings, where neighbours are equal with the probability p elsewhere: N pᴸ;
-//! - clipped: more readings at the extreme value than at the next, which in a tail are fewer: binomial with ½;
+//! - clipped: more readings at the extreme value than at the next, which in a tail are fewer: binomial with ½; or more
+//!   that are equal than coincide elsewhere;
 //! - coarse: all readings on a lattice coarser than nominal and than the noise;
-//! - spikes: n readings that stand off from their neighbours on both sides: C(N, n) Π 2Φ(−uᵢ).
-//!
-//! A mean that jumps on and off is a deterministic term whose switching times were found on the innovations: it pays
-//! ln N for each of them.
+//! - spikes: n readings that stand off from their neighbours on both sides: n C(N, n) Π 2Φ(−uᵢ), at the n that shows
+//!   most.
 use schuler_recording::Recording;
+use statrs::function::erf::erf;
 use statrs::function::gamma::ln_gamma;
 
-use crate::catalogue::{Candidate, Column, Port, ReadingFault, Search, Target};
-use crate::description::Term;
+use crate::catalogue::ReadingFault;
 use crate::nominal::Model;
-use crate::search::{Proposal, evidence};
-use crate::state::Bench;
 use crate::statistics::ln_chi_squared_tail;
 
 /// Shortest run of equal readings that may be a stuck output.
@@ -33,20 +30,20 @@ const FEWEST_LEVELS: usize = 12;
 const LEAST_STEP: f64 = 1.0;
 /// A lattice is coarser than nominal by at least this factor.
 const COARSER: f64 = 1.5;
+/// Fewest different readings that show a lattice: two lie on one anyhow.
+const FEWEST_OF_LATTICE: usize = 3;
+/// Most levels from the least to the largest reading: with more, the digits of a table are a lattice.
+const MOST_LEVELS: f64 = 1e5;
 /// Largest number of steps between readings off a lattice, as a part of the step.
 const OFF_LATTICE: f64 = 1e-3;
-/// Expected number of spikes without any.
-const FALSE_SPIKES: f64 = 1e-3;
+/// Standoff from which on a reading may be a spike, in standard deviations.
+const LEAST_STANDOFF: f64 = 4.5;
+/// Evidence below which readings that stand off are left as they are.
+const LEAST_SPIKES: f64 = 7.0;
 /// Readings on each side with which one is compared.
 const NEIGHBOURS: usize = 3;
 /// Most spikes, as a part of the readings.
 const MOST_SPIKES: f64 = 0.02;
-/// Difference of means, in their spreads, of a switching.
-const SWITCHING: f64 = 4.0;
-/// Readings on each side of a switching whose means make its height.
-const LEVEL_ROWS: usize = 8;
-/// Most switchings.
-const MOST_SWITCHINGS: usize = 400;
 
 /// A fault found in readings.
 #[derive(Clone, Debug)]
@@ -73,7 +70,9 @@ pub fn faults(recording: &Recording, model: &Model) -> (Vec<Fault>, Vec<Vec<bool
         let moves = sensor.nominal.white > 2.0 * sensor.quantisation;
         // Clipped first: a stay at the limit is no stuck output.
         found.extend(clipped(index, &series.values, &mut mask));
-        found.extend(stuck(index, &series.values, moves, &mut mask));
+        let coarse_step = lattice(&series.values).map_or(0.0, |lattice| lattice.step);
+        let repeats = Repeats { moves, at_rest: same_at_rest(coarse_step, sensor.nominal.white) };
+        found.extend(stuck(index, &series.values, repeats, &mut mask));
         found.extend(coarse(index, &series.values, sensor.quantisation, sensor.nominal.white));
         masked[index] = mask;
     }
@@ -85,8 +84,23 @@ pub fn faults(recording: &Recording, model: &Model) -> (Vec<Fault>, Vec<Vec<bool
     (found, masked)
 }
 
-/// The longest run of equal readings; `moves` says whether the noise alone would move the output.
-fn stuck(sensor: usize, values: &[f64], moves: bool, mask: &mut [bool]) -> Option<Fault> {
+/// How often readings repeat without being stuck.
+#[derive(Clone, Copy, Debug)]
+struct Repeats {
+    /// Whether the noise alone would move the output.
+    moves: bool,
+    /// Probability that the next reading is the same while the input stands still.
+    at_rest: f64,
+}
+
+/// Probability that a reading rounded to `step` repeats at a constant input, at most: noise of standard deviation `white`
+/// stays within half a step of the middle of one.
+fn same_at_rest(step: f64, white: f64) -> f64 {
+    if step > 0.0 && white > 0.0 { erf(step / (8.0_f64.sqrt() * white)) } else { 0.0 }
+}
+
+/// The longest run of equal readings.
+fn stuck(sensor: usize, values: &[f64], repeats: Repeats, mask: &mut [bool]) -> Option<Fault> {
     let mut longest = (0, 0);
     let (mut equal, mut pairs) = (0usize, 0usize);
     let mut start = 0;
@@ -119,7 +133,7 @@ fn stuck(sensor: usize, values: &[f64], moves: bool, mask: &mut [bool]) -> Optio
     if length + 1 >= present {
         // It never moved at all.
         mask.fill(true);
-        return moves.then(|| Fault {
+        return repeats.moves.then(|| Fault {
             sensor,
             fault: ReadingFault::Stuck,
             evidence: present as f64,
@@ -128,7 +142,9 @@ fn stuck(sensor: usize, values: &[f64], moves: bool, mask: &mut [bool]) -> Optio
         });
     }
     let outside = pairs.saturating_sub(length);
-    let p = (equal.saturating_sub(length) as f64 + 1.0) / (outside as f64 + 2.0);
+    let elsewhere = (equal.saturating_sub(length) as f64 + 1.0) / (outside as f64 + 2.0);
+    // A record that moves most of the time says nothing of how readings repeat where it stands still.
+    let p = elsewhere.max(repeats.at_rest);
     let evidence = -(pairs as f64).ln() - length as f64 * p.ln();
     if evidence < 20.0 {
         return None;
@@ -165,9 +181,13 @@ fn clipped(sensor: usize, values: &[f64], mask: &mut [bool]) -> Option<Fault> {
         if at_end >= FEWEST_CLIPPED && at_end as f64 > CLIPPED_RATIO * at_next as f64 {
             // P(at least so many of the sum at the end) ≤ C(n, k) 2⁻ⁿ · 2 for k ≫ n/2.
             let n = (at_end + at_next) as f64;
-            evidence += n * std::f64::consts::LN_2
+            let piled = n * std::f64::consts::LN_2
                 - (ln_gamma(n + 1.0) - ln_gamma(at_end as f64 + 1.0) - ln_gamma(at_next as f64 + 1.0))
                 - std::f64::consts::LN_2;
+            // Where readings seldom coincide, so many that are equal are no chance wherever they lie.
+            let coincide = (sorted.len() - levels.len()).saturating_sub(at_end - 1) as f64 + 1.0;
+            let equal = -(at_end as f64 - 1.0) * (coincide / (sorted.len() as f64 + 2.0)).ln();
+            evidence += piled.max(equal - (sorted.len() as f64).ln());
             limits.push(end);
         }
     }
@@ -192,37 +212,46 @@ fn clipped(sensor: usize, values: &[f64], mask: &mut [bool]) -> Option<Fault> {
     Some(Fault { sensor, fault: ReadingFault::Saturated, evidence, rows, parameters })
 }
 
-/// The step of the lattice on which all readings lie, if it is coarser than nominal and than the noise.
+/// The lattice on which all readings lie, if it is coarser than nominal and than the noise.
 fn coarse(sensor: usize, values: &[f64], nominal: f64, white: f64) -> Option<Fault> {
+    let Lattice { step, levels } = lattice(values)?;
+    (levels >= FEWEST_OF_LATTICE && step > COARSER * nominal && step >= LEAST_STEP * white).then(|| Fault {
+        sensor,
+        fault: ReadingFault::Quantised,
+        // Each reading has fallen into the tolerance about the lattice.
+        evidence: values.iter().filter(|value| value.is_finite()).count() as f64,
+        rows: (0, values.len()),
+        parameters: vec![("step", step, true)],
+    })
+}
+
+/// Levels at equal distances.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lattice {
+    /// Distance of neighbouring levels.
+    pub step: f64,
+    /// Number of different readings.
+    pub levels: usize,
+}
+
+/// The lattice on which all readings lie, if there is one; of readings that take two values only, those two.
+pub fn lattice(values: &[f64]) -> Option<Lattice> {
     let mut levels: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
-    let present = levels.len();
     levels.sort_by(f64::total_cmp);
     levels.dedup();
-    if levels.len() < 3 {
-        return None;
-    }
-    let span = levels.last()? - levels.first()?;
+    let (first, last) = (*levels.first()?, *levels.last()?);
+    let span = last - first;
     let differences = || levels.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 1e-9 * span);
     let step = differences().fold(f64::INFINITY, f64::min);
     let off = |difference: f64| {
         let steps = difference / step;
         (steps - steps.round()).abs()
     };
-    let largest = levels.first().map_or(0.0, |first| first.abs()).max(span);
-    let tolerance = OFF_LATTICE + 1e-9 * largest / step;
-    let steps = span / step;
-    if !step.is_finite() || steps > 1e5 || differences().any(|difference| off(difference) > tolerance * 10.0)
-    {
-        return None;
-    }
-    (step > COARSER * nominal && step >= LEAST_STEP * white).then(|| Fault {
-        sensor,
-        fault: ReadingFault::Quantised,
-        // Each reading has fallen into the tolerance about the lattice.
-        evidence: present as f64,
-        rows: (0, values.len()),
-        parameters: vec![("step", step, true)],
-    })
+    let tolerance = OFF_LATTICE + 1e-9 * first.abs().max(span) / step;
+    let found = step.is_finite()
+        && span / step <= MOST_LEVELS
+        && differences().all(|difference| off(difference) <= tolerance * 10.0);
+    found.then_some(Lattice { step, levels: levels.len() })
 }
 
 /// Readings that stand off from their neighbours on both sides.
@@ -266,25 +295,19 @@ fn spikes(model: &Model, steps: &[f64], masked: &mut [Vec<bool>]) -> Vec<Fault> 
                 *standoff = if scale > 0.0 { *standoff / scale } else { 0.0 };
             }
         }
-        let bound = FALSE_SPIKES / used.len() as f64;
-        let bound = crate::statistics::two_sided_quantile(bound);
         let mut of_sensor: Vec<Vec<(usize, f64)>> = vec![Vec::new(); block.sensors.len()];
         for (place, &row) in used.iter().enumerate() {
             let vector: Vec<f64> = standoffs.iter().map(|channel| channel[place]).collect();
             let size = vector.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
-            if size > bound {
+            if size > LEAST_STANDOFF {
                 let sensor = block.nearest(&vector);
                 of_sensor[sensor].push((row, size));
             }
         }
-        for (place, spikes) in of_sensor.into_iter().enumerate() {
-            let number = spikes.len() as f64;
-            if spikes.is_empty() || number > MOST_SPIKES * used.len() as f64 {
-                continue;
-            }
-            let n = used.len() as f64;
-            let choose = ln_gamma(n + 1.0) - ln_gamma(number + 1.0) - ln_gamma(n - number + 1.0);
-            let tails: f64 = spikes.iter().map(|(_, u)| ln_chi_squared_tail(u * u, 1)).sum();
+        for (place, mut spikes) in of_sensor.into_iter().enumerate() {
+            let Some((number, evidence)) = most_evidence(&mut spikes, used.len()) else { continue };
+            spikes.truncate(number);
+            spikes.sort_by_key(|spike| spike.0);
             let sensor = block.sensors[place];
             let mask = &mut masked[sensor];
             mask.resize(rows, false);
@@ -296,107 +319,56 @@ fn spikes(model: &Model, steps: &[f64], masked: &mut [Vec<bool>]) -> Vec<Fault> 
             found.push(Fault {
                 sensor,
                 fault: ReadingFault::Outliers,
-                evidence: (-tails - choose).max(0.0),
+                evidence,
                 rows: (first, last + 1),
-                parameters: vec![("count", number, false)],
+                parameters: vec![("count", number as f64, false)],
             });
         }
     }
     found
 }
 
+/// How many of the spikes (row, standoff), the largest first, show most, of `rows` readings; and how much: several that
+/// would not stand out alone do together. They are left sorted by their standoff.
+fn most_evidence(spikes: &mut [(usize, f64)], rows: usize) -> Option<(usize, f64)> {
+    spikes.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let n = rows as f64;
+    if spikes.len() as f64 > MOST_SPIKES * n {
+        return None;
+    }
+    let mut tails = 0.0;
+    let mut best: Option<(usize, f64)> = None;
+    for (index, (_, standoff)) in spikes.iter().enumerate() {
+        let number = (index + 1) as f64;
+        tails -= ln_chi_squared_tail(standoff * standoff, 1);
+        let choose = ln_gamma(n + 1.0) - ln_gamma(number + 1.0) - ln_gamma(n - number + 1.0);
+        // The number was sought as well.
+        let evidence = tails - choose - number.ln();
+        if evidence > best.map_or(LEAST_SPIKES, |best| best.1) {
+            best = Some((index + 1, evidence));
+        }
+    }
+    best
+}
+
 fn median3([a, b, c]: [f64; 3]) -> f64 {
     a.min(b).max(a.max(b).min(c))
 }
 
-/// A mean that jumps on and off, for each candidate of that kind.
-pub fn jumps(bench: &Bench<'_>, wanted: &(dyn Fn(usize) -> bool + Sync)) -> Vec<Proposal> {
-    let mut proposals = Vec::new();
-    for (index, candidate) in bench.case.candidates.iter().enumerate() {
-        if !matches!(candidate.search, Search::Readings(ReadingFault::IntermittentJump)) || !wanted(index) {
-            continue;
-        }
-        let known = bench.terms.iter().any(|term| term.candidate == index);
-        if let (false, Some(proposal)) = (known, jump(bench, index, candidate)) {
-            proposals.push(proposal);
-        }
-    }
-    proposals
-}
+#[cfg(test)]
+mod tests {
+    use super::{Repeats, same_at_rest, stuck};
 
-fn jump(bench: &Bench<'_>, index: usize, candidate: &Candidate) -> Option<Proposal> {
-    let Target::Sensor(sensor) = candidate.target else { return None };
-    let place = bench.case.model.block_of(sensor)?;
-    let block = &bench.case.model.blocks[place];
-    let whitened = bench.blocks[place].as_ref()?;
-    let rows = block.rows();
-    let used: Vec<usize> = (0..rows).filter(|&row| block.present[row]).collect();
-    let value = |at: usize| whitened.projected.data[used[at]];
-    // Switchings: where the means of the rows behind and before differ by many of the spreads of such differences.
-    let mut sums = vec![0.0; used.len() + 1];
-    for at in 0..used.len() {
-        sums[at + 1] = sums[at] + value(at);
+    /// A coarse output that stands still between manoeuvres repeats itself; one as fine as its noise does not.
+    #[test]
+    fn coarse_readings_at_rest_are_not_stuck() {
+        let mut values: Vec<f64> = (0..2000).map(|k| f64::from((k * 7919) % 997)).collect();
+        values[900..940].fill(3.0);
+        let found = |step: f64, white: f64| {
+            let repeats = Repeats { moves: true, at_rest: same_at_rest(step, white) };
+            stuck(0, &values, repeats, &mut vec![false; values.len()]).is_some()
+        };
+        assert!(found(1.0, 5.0));
+        assert!(!found(1.0, 0.28));
     }
-    let difference =
-        |at: usize| (sums[at + LEVEL_ROWS] - 2.0 * sums[at] + sums[at - LEVEL_ROWS]) / LEVEL_ROWS as f64;
-    let range = LEVEL_ROWS..used.len().saturating_sub(LEVEL_ROWS);
-    let mut sizes: Vec<f64> = range.clone().map(|at| difference(at).abs()).collect();
-    if sizes.is_empty() {
-        return None;
-    }
-    let middle = sizes.len() / 2;
-    let spread = 1.4826 * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
-    let mut switchings: Vec<(usize, f64)> = Vec::new();
-    for at in range {
-        let height = difference(at);
-        if height.abs() < SWITCHING * spread {
-            continue;
-        }
-        match switchings.last_mut() {
-            Some(last) if used[at] - last.0 < LEVEL_ROWS && height * last.1 > 0.0 => {
-                if height.abs() > last.1.abs() {
-                    *last = (used[at], height);
-                }
-            }
-            _ => switchings.push((used[at], height)),
-        }
-        if switchings.len() > MOST_SWITCHINGS {
-            return None;
-        }
-    }
-    if switchings.len() < 3 {
-        return None;
-    }
-    let mut heights: Vec<f64> = switchings.iter().map(|switching| switching.1.abs()).collect();
-    let middle = heights.len() / 2;
-    let height = *heights.select_nth_unstable_by(middle, f64::total_cmp).1;
-    // Up and down in turn, each about as high.
-    let mut kept: Vec<(usize, f64)> = Vec::new();
-    for switching in switchings {
-        let fits = (switching.1.abs() / height - 1.0).abs() < 0.6;
-        if fits && kept.last().is_none_or(|last| last.1.signum() != switching.1.signum()) {
-            kept.push(switching);
-        }
-    }
-    let first = kept.first()?.1.signum();
-    let mut on = vec![0.0; rows];
-    let mut pairs = 0;
-    for pair in kept.chunks(2) {
-        let end = pair.get(1).map_or(rows, |end| end.0);
-        on[pair[0].0..end].fill(1.0);
-        pairs += 1;
-    }
-    if pairs < 2 {
-        return None;
-    }
-    let term = Term {
-        candidate: index,
-        nonlinear: Vec::new(),
-        columns: vec![Column { parts: vec![(sensor, on.iter().map(|value| value * first).collect())] }],
-        port: Port::Output,
-        unit_amplitude: false,
-    };
-    let (gain, freedom) = bench.gain_of(&term);
-    let ln_places = kept.len() as f64 * (rows as f64).ln() - ln_gamma(kept.len() as f64 + 1.0);
-    Some(Proposal { term, gain, freedom, ln_places, evidence: evidence(gain, freedom, ln_places) })
 }

@@ -3,7 +3,8 @@
 //! Amplitudes have the covariance of generalised least squares, widened by what the non-linear parameters leave open:
 //! Σ = Σ_GLS + J Σ_ψ Jᵀ with J the change of the amplitudes with the parameters ψ. Σ_ψ is the inverse curvature of the
 //! likelihood profiled over the amplitudes. Where that is no parabola (an onset, a plateau) the distance at which the
-//! profile has fallen by what three standard deviations mean counts, if it is larger.
+//! profile has fallen by what three standard deviations mean counts, if it is larger. Innovations that are not white
+//! widen both ([`sandwich`](crate::sandwich)).
 use nalgebra::{DMatrix, DVector};
 
 use crate::catalogue::{Candidate, OnsetShape, Search};
@@ -11,6 +12,7 @@ use crate::description::{Term, nonlinear_names};
 use crate::explanation::Parameter;
 use crate::noise::Knob;
 use crate::noise_fit::{curvature, exact, logs_of, with_logs};
+use crate::sandwich::variances;
 use crate::select::Item;
 use crate::state::{Bench, Case, State};
 
@@ -91,6 +93,15 @@ pub fn of_term(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter> {
             }
             covariance += &jacobian * &of_nonlinear * jacobian.transpose();
         }
+    }
+    // What the noise model leaves widens what it says; see `sandwich`.
+    let (of_amplitudes, of_shape) = variances(case, state, place);
+    for (i, variance) in of_amplitudes.iter().enumerate().take(number) {
+        let own = covariance[(i, i)];
+        covariance[(i, i)] = own.max(variance.of_model) * variance.widened;
+    }
+    for (axis, variance) in of_shape.iter().enumerate().take(size) {
+        of_nonlinear[(axis, axis)] *= variance.map_or(1.0, |variance| variance.widened);
     }
     let mut parameters = Vec::new();
     for (index, amplitude) in candidate.amplitudes.iter().enumerate().take(number) {

@@ -9,7 +9,7 @@ use nalgebra::{Complex, DMatrix, DVector};
 use realfft::RealFftPlanner;
 
 use crate::catalogue::{Column, OnsetShape, Port};
-use crate::least_squares::solve;
+use crate::least_squares::{dot, solve};
 use crate::noise::Noise;
 use crate::nominal::Block;
 use crate::statistics::{ln_frequency_scan_tail, ln_rough_scan_tail, ln_smooth_scan_tail};
@@ -59,9 +59,7 @@ impl<'b> Scanner<'b> {
     /// `remainder`: whitened residual after the regressors; `regressors`: whitened.
     pub fn new(block: &'b Block, filter: &'b Filter, remainder: &[f64], regressors: &[Vec<f64>]) -> Self {
         let size = regressors.len();
-        let normal = DMatrix::from_fn(size, size, |i, j| {
-            regressors[i].iter().zip(&regressors[j]).map(|(a, b)| a * b).sum::<f64>()
-        });
+        let normal = DMatrix::from_fn(size, size, |i, j| dot(&regressors[i], &regressors[j]));
         let inverse =
             if size > 0 { solve(&normal, &DVector::zeros(size)).covariance } else { DMatrix::zeros(0, 0) };
         Self {

@@ -62,11 +62,14 @@ pub struct Family {
 }
 
 /// Where and how much a candidate promises, before it is evaluated exactly.
-struct Promise {
-    candidate: usize,
+pub struct Promise {
+    /// Its place among the candidates.
+    pub candidate: usize,
     starts: Vec<Vec<f64>>,
     evidence: f64,
     ln_places: f64,
+    /// Whether it was evaluated exactly.
+    evaluated: bool,
 }
 
 /// −ln p of a gain.
@@ -122,21 +125,47 @@ pub fn deterministic(
     family: &Family,
     wanted: &(dyn Fn(usize) -> bool + Sync),
 ) -> Vec<Proposal> {
+    let mut promises = promises(bench, library, family, wanted);
+    let mut proposals = crate::jump::jumps(bench, wanted);
+    evaluate(bench, &mut promises, &mut proposals);
+    proposals
+}
+
+/// What deterministic candidates promise; `wanted` says which take part.
+pub fn promises(
+    bench: &Bench<'_>,
+    library: &Library,
+    family: &Family,
+    wanted: &(dyn Fn(usize) -> bool + Sync),
+) -> Vec<Promise> {
     let mut promises = promises_of_library(library, family);
     promises.extend(promises_of_scans(bench, wanted));
     promises.retain(|promise| promise.evidence > LEAST_EVIDENCE);
+    promises
+}
+
+/// Evaluates the best of `promises` exactly that were not before, and adds them to `proposals`, best first.
+pub fn evaluate(bench: &Bench<'_>, promises: &mut [Promise], proposals: &mut Vec<Proposal>) {
     promises.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
     let best = promises.first().map_or(0.0, |promise| promise.evidence);
     let close = promises.partition_point(|promise| promise.evidence > best - CLOSE);
-    promises.truncate(close.clamp(SHORT_LIST, LONGEST_LIST));
-    let mut proposals: Vec<Proposal> =
-        promises.par_iter().filter_map(|promise| bench.refine(promise, REFINED)).collect();
-    proposals.extend(crate::readings::jumps(bench, wanted));
+    let listed = close.clamp(SHORT_LIST, LONGEST_LIST).min(promises.len());
+    let evaluated: Vec<Proposal> = (promises[..listed].par_iter_mut())
+        .filter(|promise| !promise.evaluated && !bench.case.watch.is_cancelled())
+        .filter_map(|promise| {
+            promise.evaluated = true;
+            bench.refine(promise, REFINED)
+        })
+        .collect();
+    proposals.extend(evaluated);
     proposals.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+    // An instrument is late once: a second delay of what has one is no other effect, it refines the first.
+    let late = |term: &Term| term.delay_s.is_some();
+    let known = |term: &Term| bench.terms.iter().any(|other| other.candidate == term.candidate);
+    proposals.retain(|proposal| !(late(&proposal.term) && known(&proposal.term)));
     // A candidate with several promises stands by its best.
     let mut seen = std::collections::HashSet::new();
     proposals.retain(|proposal| seen.insert(proposal.term.candidate));
-    proposals
 }
 
 fn promises_of_library(library: &Library, family: &Family) -> Vec<Promise> {
@@ -149,6 +178,7 @@ fn promises_of_library(library: &Library, family: &Family) -> Vec<Promise> {
             starts: vec![entry.point.clone()],
             evidence: evidence(gain.gain, gain.freedom, ln_places),
             ln_places,
+            evaluated: false,
         };
         match promises.last_mut() {
             Some(last) if last.candidate == entry.candidate => {
@@ -200,6 +230,7 @@ fn promises_of_scans(bench: &Bench<'_>, wanted: &(dyn Fn(usize) -> bool + Sync))
                         starts: vec![vec![0.0]],
                         evidence: evidence(gain, freedom, std::f64::consts::LN_2),
                         ln_places: std::f64::consts::LN_2,
+                        evaluated: false,
                     });
                 }
                 let gain = peaks.first().map_or(0.0, |peak| peak.gain);
@@ -208,6 +239,7 @@ fn promises_of_scans(bench: &Bench<'_>, wanted: &(dyn Fn(usize) -> bool + Sync))
                     starts: peaks.iter().map(|peak| vec![peak.at]).collect(),
                     evidence: evidence(gain, freedom, ln_places),
                     ln_places,
+                    evaluated: false,
                 });
             }
             promises
@@ -223,6 +255,7 @@ impl Bench<'_> {
             starts: vec![term.nonlinear.clone()],
             evidence: 0.0,
             ln_places: 0.0,
+            evaluated: false,
         };
         self.refine(&promise, FINELY_REFINED)
             .map_or_else(|| (term.clone(), 0.0), |proposal| (proposal.term, proposal.gain))
@@ -266,14 +299,19 @@ impl Bench<'_> {
         Some(Proposal { term, gain, freedom, ln_places: promise.ln_places, evidence })
     }
 
-    /// What a change of the noise of each source would gain, best first.
-    pub fn noise_changes(&self, state: &State) -> Vec<(usize, ChangeFit)> {
+    /// What a change of the noise of each source of the given blocks would gain, best first.
+    pub fn noise_changes(&self, state: &State, blocks: &[usize]) -> Vec<(usize, ChangeFit)> {
         let model = self.case.model;
-        let spectra: Vec<_> =
-            (0..model.blocks.len()).into_par_iter().map(|index| self.spectrum(index)).collect();
+        let spectra: Vec<_> = (0..model.blocks.len())
+            .into_par_iter()
+            .map(|index| if blocks.contains(&index) { self.spectrum(index) } else { None })
+            .collect();
         let mut found: Vec<(usize, ChangeFit)> = (self.case.candidates.par_iter().enumerate())
             .filter_map(|(place, candidate)| {
                 let Search::Noise(change) = candidate.search else { return None };
+                if self.case.watch.is_cancelled() {
+                    return None;
+                }
                 let Target::Sensor(sensor) = candidate.target else { return None };
                 let source = model.source_of(sensor, candidate.port)?;
                 // The noise of a source of which the user says nothing is no finding.
@@ -301,7 +339,8 @@ impl Bench<'_> {
         self.view(index, &spectrum)?.fit(source, origin, change)
     }
 
-    fn view<'v>(&'v self, index: usize, spectrum: &'v Spectrum) -> Option<View<'v>> {
+    /// A block under its present noises.
+    pub fn view<'v>(&'v self, index: usize, spectrum: &'v Spectrum) -> Option<View<'v>> {
         let whitened = self.blocks[index].as_ref()?;
         Some(View {
             block: &self.case.model.blocks[index],

@@ -5,23 +5,31 @@
 //! noise of another structure, so that each is judged beside the other: of the three the one with the most evidence is
 //! taken, and what enters must be significant, family-wise, beside everything that is there. What is no longer
 //! significant after something else entered leaves again.
+//!
+//! Several effects together look like noise of another structure, and may gain more as such than any of them alone. Where
+//! a change of noise was taken, the search is therefore done once more with terms first and noise after, and the better
+//! description of the two stands: the one with the larger log-likelihood less what its items cost.
 use rayon::prelude::*;
 
-use crate::catalogue::{NoiseChange, Target};
+use crate::catalogue::{NoiseChange, Search, Target};
 use crate::description::{Term, blocks_of};
 use crate::library::Library;
+use crate::noise::Knob;
 use crate::noise_change::ChangeFit;
 use crate::nominal::Model;
-use crate::search::{Family, Proposal, deterministic, evidence, library};
+use crate::search::{Family, Promise, Proposal, deterministic, evaluate, evidence, library, promises};
 use crate::state::{Accepted, Bench, Case, State, refitted};
 use crate::statistics::ln_chi_squared_tail;
+use crate::watch::Phase;
 
-/// Most findings.
-const MOST_FINDINGS: usize = 6;
-/// Most deterministic terms.
-const MOST_TERMS: usize = 4;
+/// Findings at which the search ends, whatever there is left: what is significant decides, and not a number.
+pub const MOST_FINDINGS: usize = 32;
+/// Most terms that are taken before a change of noise is asked.
+const MOST_TERMS_FIRST: usize = 4;
 /// Rounds, those that take something back included.
-const MOST_ROUNDS: usize = 10;
+const MOST_ROUNDS: usize = 2 * MOST_FINDINGS;
+/// Findings in whose number the progress is told, as it is not known how many there will be.
+const USUAL_ROUNDS: f64 = 3.0;
 /// Evidence of a noise change from which on terms are sought beside it.
 const NOISE_WORTH_TRYING: f64 = 6.0;
 /// Terms that are tried together with a noise change.
@@ -84,36 +92,104 @@ enum Move {
 /// Selects from `start`, at the family-wise `level`.
 pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c> {
     let start = unknown_structure(case, start.clone());
-    let (mut state, mut bench) = refitted(case, &start, None);
-    let null = state.clone();
-    let all = |_: usize| true;
-    let whole = library(&bench, true, &all);
+    let (null, bench) = refitted(case, &start, None);
+    let whole = library(&bench, true, &|_| true);
     let family = Family::new(case.candidates, &whole);
-    let mut first: Option<Library> = Some(whole);
+    drop(bench);
     let ln_level = level.ln();
+    let searched = |order: Order, library: Option<Library>| {
+        let found = forward(case, &null, &family, ln_level, order, library);
+        merged(case, found, &family, ln_level)
+    };
+    let mut found = searched(Order::Best, Some(whole));
+    if !found.0.changes.is_empty() {
+        let other = searched(Order::TermsFirst, None);
+        if worth(case, &other, &family) > worth(case, &found, &family) {
+            found = other;
+        }
+    }
+    let (state, bench, prices) = found;
+    let shown = shown(case, &state, &prices, &family);
+    Selection { state, bench, family, shown, null }
+}
+
+/// What a round takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Order {
+    /// What shows most.
+    Best,
+    /// Terms while there are any, then what shows most.
+    TermsFirst,
+}
+
+/// A description, whitened, and the prices of its terms.
+type Found<'c> = (State, Bench<'c>, Vec<Price>);
+
+/// Log-likelihood less what the items cost: of each the difference of its gain and of ln of its family-wise probability.
+fn worth(case: &Case<'_>, (state, _, prices): &Found<'_>, family: &Family) -> f64 {
+    let cost = |(_, shown): &(Item, Shown)| shown.gain + shown.ln_p;
+    state.log_likelihood - shown(case, state, prices, family).iter().map(cost).sum::<f64>()
+}
+
+/// Rounds of the search from `null`; `first` is its library, if that is there.
+fn forward<'c>(
+    case: &'c Case<'c>,
+    null: &State,
+    family: &Family,
+    ln_level: f64,
+    order: Order,
+    mut first: Option<Library>,
+) -> Found<'c> {
+    let mut state = null.clone();
+    let mut bench = Bench::new(case, &state.terms, &state.noises);
+    let mut terms_only = order == Order::TermsFirst;
     let mut prices: Vec<Price> = Vec::new();
-    // Proposals of blocks that the last round left as they were still hold.
+    // What was found in blocks that the last round left as they were still holds.
+    let mut promised: Vec<Promise> = Vec::new();
     let mut proposals: Vec<Proposal> = Vec::new();
+    let mut noises: Vec<(usize, ChangeFit)> = Vec::new();
     let mut stale: Vec<usize> = (0..case.model.blocks.len()).collect();
-    for _ in 0..MOST_ROUNDS {
-        if state.terms.len() + state.changes.len() >= MOST_FINDINGS {
+    // Blocks whose changes of noise are to be fitted anew.
+    let mut unfitted = stale.clone();
+    let mut visited: Vec<(Vec<usize>, Vec<usize>)> = vec![identity(&state)];
+    for round in 0..MOST_ROUNDS {
+        if state.terms.len() + state.changes.len() >= MOST_FINDINGS || case.watch.is_cancelled() {
             break;
         }
+        case.watch.progress(Phase::Search, round as f64 / (round as f64 + USUAL_ROUNDS));
         let touched = |candidate: usize| touches(case, candidate, &stale);
+        promised.retain(|promise| !touched(promise.candidate));
         proposals.retain(|proposal| !touched(proposal.term.candidate));
         let library = first.take().unwrap_or_else(|| library(&bench, false, &touched));
-        if state.terms.len() < MOST_TERMS {
-            proposals.extend(deterministic(&bench, &library, &family, &touched));
-        } else {
-            proposals.clear();
-        }
+        promised.extend(promises(&bench, &library, family, &touched));
         drop(library);
+        proposals.extend(crate::jump::jumps(&bench, &touched));
+        evaluate(&bench, &mut promised, &mut proposals);
         judge_beside_free_noise(case, &state, &bench, &mut proposals);
+        for proposal in swallowed(case, &state, &bench, family) {
+            let known = |other: &Proposal| other.term.candidate == proposal.term.candidate;
+            match proposals.iter_mut().find(|other| known(other)) {
+                Some(other) if other.evidence < proposal.evidence => *other = proposal,
+                Some(_) => {}
+                None => proposals.push(proposal),
+            }
+        }
         proposals.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
-        let noises = bench.noise_changes(&state);
-        let Some(chosen) = choose(case, &state, &bench, &family, &proposals, &noises, ln_level) else {
-            break;
-        };
+        let mut chosen = None;
+        if terms_only {
+            chosen = choose(case, &state, &bench, family, &proposals, &[], ln_level);
+            terms_only = chosen.is_some() && state.terms.len() < MOST_TERMS_FIRST;
+        }
+        if !terms_only {
+            noises.retain(|(_, fit)| {
+                !unfitted.iter().any(|&block| case.model.blocks[block].sources.contains(&fit.source))
+            });
+            noises.extend(bench.noise_changes(&state, &unfitted));
+            noises.sort_by(|a, b| a.1.ln_p.total_cmp(&b.1.ln_p));
+            unfitted.clear();
+            chosen = choose(case, &state, &bench, family, &proposals, &noises, ln_level);
+        }
+        let Some(chosen) = chosen else { break };
         let (mut next, mut next_prices) = (state.clone(), prices.clone());
         match chosen {
             Move::Term(proposal) => add_term(&mut next, &mut next_prices, *proposal),
@@ -124,15 +200,17 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
             }
         }
         let (next, _) = refitted(case, &next, None);
-        let (next, next_bench, next_prices) = pruned(case, next, next_prices, &family, ln_level);
-        if same(&next, &state) {
+        let (next, next_bench, next_prices) = pruned(case, next, next_prices, family, ln_level);
+        // What was there before would come round again.
+        if visited.contains(&identity(&next)) {
             break;
         }
+        visited.push(identity(&next));
         stale = changed_blocks(case.model, &state, &next);
+        unfitted.extend(&stale);
         (state, bench, prices) = (next, next_bench, next_prices);
     }
-    let shown = shown(case, &state, &prices, &family);
-    Selection { state, bench, family, shown, null }
+    (state, bench, prices)
 }
 
 /// Where noise parameters are free, the best proposals are judged with them refitted: fixed at values that have
@@ -157,6 +235,52 @@ fn judge_beside_free_noise(case: &Case<'_>, state: &State, bench: &Bench<'_>, pr
             proposal.evidence = evidence(gain, proposal.freedom, proposal.ln_places);
         }
     }
+}
+
+/// What noise that was accepted may have swallowed: terms that show most under the noise that the user believes, judged
+/// beside the accepted noise fitted anew.
+///
+/// Slow noise imitates a constant, and steps between conditions: under the noise fitted to it such a term gains next to
+/// nothing and would never be tried, though both fitted together leave much less noise. Where it was noise after all,
+/// they do not, and the term is refused as any other.
+fn swallowed(case: &Case<'_>, state: &State, bench: &Bench<'_>, family: &Family) -> Vec<Proposal> {
+    let mut noises = state.noises.clone();
+    let mut blocks: Vec<usize> = Vec::new();
+    for change in state.changes.iter().filter(|change| change.knobs.iter().any(|&knob| is_slow(knob))) {
+        noises[change.source] = case.model.sources[change.source].nominal.clone();
+        blocks.extend(case.model.blocks.iter().position(|block| block.sources.contains(&change.source)));
+    }
+    blocks.sort_unstable();
+    blocks.dedup();
+    if blocks.is_empty() {
+        return Vec::new();
+    }
+    let nominal = Bench::new(case, &state.terms, &noises);
+    let mut tried: Vec<Proposal> = Vec::new();
+    for &block in &blocks {
+        let touched = |candidate: usize| touches(case, candidate, &[block]);
+        let shown = deterministic(&nominal, &library(&nominal, false, &touched), family, &touched);
+        for proposal in shown.into_iter().take(TRIED_TOGETHER) {
+            if tried.iter().all(|other| other.term.candidate != proposal.term.candidate) {
+                tried.push(proposal);
+            }
+        }
+    }
+    let judged = tried.into_par_iter().map(|mut proposal| {
+        let own = blocks_of(case.model, std::slice::from_ref(&proposal.term));
+        let mut with = state.clone();
+        with.terms.push(proposal.term.clone());
+        let (with, _) = refitted(case, &with, Some(&own));
+        proposal.gain = with.log_likelihood - bench.log_likelihood;
+        proposal.evidence = evidence(proposal.gain, proposal.freedom, proposal.ln_places);
+        proposal
+    });
+    judged.collect()
+}
+
+/// Whether a noise parameter is of a part that remembers.
+fn is_slow(knob: Knob) -> bool {
+    !matches!(knob, Knob::White | Knob::Angle | Knob::StepRatio)
 }
 
 /// Noise parts for sources of which the user says nothing: what Schwarz's criterion asks for, as nuisances.
@@ -208,7 +332,8 @@ fn add_term(state: &mut State, prices: &mut Vec<Price>, proposal: Proposal) {
     state.terms.push(proposal.term);
 }
 
-fn add_change(state: &mut State, candidate: usize, fit: ChangeFit) {
+/// Adds a change of noise.
+pub fn add_change(state: &mut State, candidate: usize, fit: ChangeFit) {
     state.noises[fit.source] = fit.noises[fit.source].clone();
     state.changes.push(Accepted {
         candidate,
@@ -220,10 +345,13 @@ fn add_change(state: &mut State, candidate: usize, fit: ChangeFit) {
     });
 }
 
-fn same(a: &State, b: &State) -> bool {
-    let terms = |state: &State| state.terms.iter().map(|term| term.candidate).collect::<Vec<_>>();
-    let changes = |state: &State| state.changes.iter().map(|change| change.candidate).collect::<Vec<_>>();
-    terms(a) == terms(b) && changes(a) == changes(b)
+/// The candidates that a state consists of, whatever their order.
+fn identity(state: &State) -> (Vec<usize>, Vec<usize>) {
+    let mut terms: Vec<usize> = state.terms.iter().map(|term| term.candidate).collect();
+    let mut changes: Vec<usize> = state.changes.iter().map(|change| change.candidate).collect();
+    terms.sort_unstable();
+    changes.sort_unstable();
+    (terms, changes)
 }
 
 /// The blocks whose description differs.
@@ -370,6 +498,71 @@ fn pruned<'c>(
             }
         }
     }
+}
+
+/// The description with several items of a source, a noise change among them, put as one noise change where that is
+/// the better description for the places and parameters that it is sought in: flicker that was taken for a Markov part
+/// and a step.
+fn merged<'c>(
+    case: &'c Case<'c>,
+    (mut state, mut bench, mut prices): Found<'c>,
+    family: &Family,
+    ln_level: f64,
+) -> Found<'c> {
+    for source in 0..case.model.sources.len() {
+        let origin = &case.model.sources[source];
+        let of_source = |term: &Term| {
+            let candidate = &case.candidates[term.candidate];
+            candidate.target == Target::Sensor(origin.sensor)
+                && candidate.port == origin.port
+                && matches!(candidate.search, Search::Onset(_) | Search::Frequency)
+        };
+        let terms = state.terms.iter().filter(|term| of_source(term)).count();
+        let changes = state.changes.iter().filter(|change| change.source == source).count();
+        if changes == 0 || terms + changes < 2 {
+            continue;
+        }
+        let penalty = |gain: f64, price: &Price| gain - evidence(gain, price.freedom, price.ln_places);
+        let own: f64 = shown(case, &state, &prices, family)
+            .iter()
+            .filter(|(item, _)| match item {
+                Item::Term(place) => of_source(&state.terms[*place]),
+                Item::Change(place) => state.changes[*place].source == source,
+            })
+            .map(|(_, shown)| shown.gain - shown.evidence)
+            .sum();
+        let mut less = state.clone();
+        less.changes.retain(|change| change.source != source);
+        less.noises[source] = origin.nominal.clone();
+        let mut less_prices = prices.clone();
+        let mut kept = state.terms.iter().map(|term| !of_source(term));
+        less_prices.retain(|_| kept.next().unwrap_or(true));
+        less.terms.retain(|term| !of_source(term));
+        let (less, less_bench) = refitted(case, &less, None);
+        let blocks: Vec<usize> = (0..case.model.blocks.len())
+            .filter(|&block| case.model.blocks[block].sources.contains(&source))
+            .collect();
+        let fits = less_bench.noise_changes(&less, &blocks);
+        let best = fits.into_iter().filter(|(_, fit)| fit.source == source).max_by(|a, b| {
+            let score = |fit: &ChangeFit| {
+                fit.gain - penalty(fit.gain, &Price { freedom: fit.freedom, ln_places: fit.ln_places })
+            };
+            score(&a.1).total_cmp(&score(&b.1))
+        });
+        let Some((candidate, fit)) = best else { continue };
+        let price = Price { freedom: fit.freedom, ln_places: fit.ln_places };
+        let mut one = less.clone();
+        add_change(&mut one, candidate, fit);
+        let (one, one_bench) = refitted(case, &one, None);
+        let gain = one.log_likelihood - less.log_likelihood;
+        let significant = family
+            .ln_p(&case.candidates[candidate], evidence(gain, price.freedom, price.ln_places))
+            <= ln_level;
+        if significant && one.log_likelihood - penalty(gain, &price) > state.log_likelihood - own {
+            (state, bench, prices) = (one, one_bench, less_prices);
+        }
+    }
+    (state, bench, prices)
 }
 
 /// What each item shows beside all others.

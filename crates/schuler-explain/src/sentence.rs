@@ -1,6 +1,30 @@
 //! Findings in words.
-use crate::catalogue::Candidate;
+use crate::catalogue::{Candidate, Effect};
 use crate::explanation::Parameter;
+
+/// What the catalogue says of a sensor with the effect, as its parameters have it: a delay below zero is no delay, and
+/// what comes late then is the reference.
+pub fn said(effect: &Effect, sensor: &str, parameters: &[Parameter]) -> String {
+    let text = effect.sentence;
+    // The catalogue's sentence may name the sensor itself.
+    let said =
+        if text.contains("{sensor}") { text.replace("{sensor}", sensor) } else { format!("{sensor} {text}") };
+    if is_early(parameters) { said.replace("comes late", "comes early, or its reference late") } else { said }
+}
+
+/// The parameters as a sentence quotes them: the delay of what comes early without its sign.
+pub fn quoted(parameters: &[Parameter]) -> Vec<Parameter> {
+    let early = is_early(parameters);
+    let turned = |parameter: &Parameter| match (parameter.name.as_str(), parameter.value) {
+        ("delay_s", Some(value)) if early => Parameter { value: Some(-value), ..parameter.clone() },
+        _ => parameter.clone(),
+    };
+    parameters.iter().map(turned).collect()
+}
+
+fn is_early(parameters: &[Parameter]) -> bool {
+    parameters.iter().any(|it| it.name == "delay_s" && it.value.is_some_and(|value| value < 0.0))
+}
 
 /// One plain sentence: since when, what, and how large.
 pub fn sentence(
@@ -16,11 +40,8 @@ pub fn sentence(
     } else {
         String::new()
     };
-    let text = candidate.effect.sentence;
-    // The catalogue's sentence may name the sensor itself.
-    let said =
-        if text.contains("{sensor}") { text.replace("{sensor}", sensor) } else { format!("{sensor} {text}") };
-    let numbers: Vec<String> = parameters
+    let said = said(candidate.effect, sensor, parameters);
+    let numbers: Vec<String> = quoted(parameters)
         .iter()
         .filter(|parameter| parameter.name != "onset_s")
         .map(|parameter| {
@@ -68,5 +89,25 @@ fn clock(seconds: f64) -> String {
         format!("{minutes:.0} min {:.0} s", seconds % 60.0)
     } else {
         format!("{seconds:.3} s")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::catalogue::CATALOGUE;
+
+    fn delay(value: f64) -> Vec<Parameter> {
+        let (name, unit) = ("delay_s".to_owned(), Some("s".to_owned()));
+        vec![Parameter { name, value: Some(value), sigma: Some(0.01), unit, text: None, plausible: None }]
+    }
+
+    #[test]
+    fn what_comes_early_is_not_called_late() {
+        let effect = CATALOGUE.iter().find(|effect| effect.id == "time_delay").expect("a row");
+        assert_eq!(said(effect, "log", &delay(0.3)), "log comes late");
+        assert_eq!(said(effect, "log", &delay(-1.46)), "log comes early, or its reference late");
+        assert_eq!(quoted(&delay(-1.46))[0].value, Some(1.46));
+        assert_eq!(quoted(&delay(0.3))[0].value, Some(0.3));
     }
 }

@@ -1,14 +1,22 @@
 //! Where the selection stands: terms, noises and which of their parameters are free, and everything whitened under it.
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, PoisonError};
+
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use crate::catalogue::{Candidate, NoiseChange};
-use crate::description::{Filters, Projected, Sums, Term, project};
-use crate::least_squares::{Solution, solve};
+use crate::description::{Delays, Filters, Projected, Sums, Term, evaluate, places, project};
+use crate::least_squares::{Solution, dot, solve};
 use crate::noise::{Knob, Noise};
-use crate::noise_fit::{SourceKnob, polish, whitened_remainder};
+use crate::noise_fit::{SourceKnob, polish};
 use crate::nominal::Model;
 use crate::spectrum::Spectrum;
+use crate::watch::Watch;
+use crate::whiten::Filter;
+
+/// Values of whitened blocks that are kept beside those in use.
+const KEPT_VALUES: usize = 1 << 25;
 
 /// What is searched.
 pub struct Case<'c> {
@@ -18,6 +26,83 @@ pub struct Case<'c> {
     pub candidates: &'c [Candidate],
     /// Time from the first row, s.
     pub time_s: &'c [f64],
+    /// Who watches.
+    pub watch: &'c dyn Watch,
+    /// Blocks whitened before, the last one used first: most descriptions differ from the one before in one block.
+    kept: Mutex<VecDeque<(Key, Arc<Whitened>)>>,
+}
+
+/// What a whitened block depends on: its place, its noises, and the terms that reach it.
+#[derive(Clone, Debug, PartialEq)]
+struct Key {
+    block: usize,
+    noises: Vec<Noise>,
+    terms: Vec<(usize, Vec<f64>, f64)>,
+}
+
+impl<'c> Case<'c> {
+    /// A case to be searched.
+    pub fn new(
+        model: &'c Model,
+        candidates: &'c [Candidate],
+        time_s: &'c [f64],
+        watch: &'c dyn Watch,
+    ) -> Self {
+        Self { model, candidates, time_s, watch, kept: Mutex::new(VecDeque::new()) }
+    }
+
+    /// What tells terms of a candidate apart whose signature was made from the readings and not from parameters.
+    fn mark(&self, term: &Term) -> f64 {
+        let of_readings =
+            |candidate: &Candidate| matches!(candidate.search, crate::catalogue::Search::Readings(_));
+        if !self.candidates.get(term.candidate).is_some_and(of_readings) {
+            return 0.0;
+        }
+        let values = term.columns.iter().flat_map(|column| &column.parts).flat_map(|(_, values)| values);
+        values.enumerate().map(|(row, value)| (row + 1) as f64 * value).sum()
+    }
+
+    /// A block whitened; `None` where its noises are singular.
+    fn whitened(&self, index: usize, terms: &[Term], noises: &[Noise]) -> Option<Arc<Whitened>> {
+        let block = &self.model.blocks[index];
+        let reaches = |term: &&Term| term.columns.iter().any(|c| block.is_reached(c, term.port));
+        let key = Key {
+            block: index,
+            noises: block.sources.iter().map(|&source| noises[source].clone()).collect(),
+            terms: terms
+                .iter()
+                .filter(reaches)
+                .map(|term| (term.candidate, term.nonlinear.clone(), self.mark(term)))
+                .collect(),
+        };
+        {
+            let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+            if let Some(place) = kept.iter().position(|(other, _)| *other == key)
+                && let Some(found) = kept.remove(place)
+            {
+                let whitened = Arc::clone(&found.1);
+                kept.push_front(found);
+                return Some(whitened);
+            }
+        }
+        let filter = Arc::new(block.filter(noises)?);
+        let projected = project(self.model, index, terms);
+        let views: Vec<&[f64]> =
+            std::iter::once(&projected.data).chain(&projected.columns).map(Vec::as_slice).collect();
+        let columns = filter.whiten(&views);
+        let sums = Sums::of_whitened(&filter, &columns);
+        let log_likelihood = sums.best();
+        let remainder = remainder(&columns, &sums);
+        let whitened = Arc::new(Whitened { filter, projected, columns, sums, remainder, log_likelihood });
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.push_front((key, Arc::clone(&whitened)));
+        let mut values = 0;
+        kept.retain(|(_, whitened)| {
+            values += (2 * whitened.columns.len() + 1) * whitened.remainder.len();
+            values <= KEPT_VALUES
+        });
+        Some(whitened)
+    }
 }
 
 /// A noise change that was accepted.
@@ -67,10 +152,14 @@ impl State {
 
 /// A block whitened under a state.
 pub struct Whitened {
+    /// The filter.
+    pub filter: Arc<Filter>,
     /// Data and regressors.
     pub projected: Projected,
     /// The same, whitened, data first.
     pub columns: Vec<Vec<f64>>,
+    /// Sums of the whitened columns.
+    pub sums: Sums,
     /// Whitened residual after the regressors.
     pub remainder: Vec<f64>,
     /// Log-likelihood with the regressors at this block's best.
@@ -88,7 +177,9 @@ pub struct Bench<'c> {
     /// The terms.
     pub terms: Vec<Term>,
     /// One a block; `None` where the filter is singular.
-    pub blocks: Vec<Option<Whitened>>,
+    pub blocks: Vec<Option<Arc<Whitened>>>,
+    /// Places of each block's regressors among all amplitudes.
+    pub places: Vec<Vec<usize>>,
     /// Log-likelihood with all amplitudes at their best.
     pub log_likelihood: f64,
     /// The amplitudes.
@@ -101,29 +192,28 @@ impl<'c> Bench<'c> {
     /// Whitens all blocks.
     pub fn new(case: &'c Case<'c>, terms: &[Term], noises: &[Noise]) -> Self {
         let model = case.model;
-        let filters = Filters::new(model, noises);
-        let blocks: Vec<Option<Whitened>> = (filters.of_block.par_iter().enumerate())
-            .map(|(index, filter)| {
-                let filter = filter.as_ref()?;
-                let projected = project(model, index, terms);
-                let views: Vec<&[f64]> =
-                    std::iter::once(&projected.data).chain(&projected.columns).map(Vec::as_slice).collect();
-                let columns = filter.whiten(&views);
-                let log_likelihood = Sums::of_whitened(filter, &columns).best();
-                let remainder = whitened_remainder(filter, &projected);
-                Some(Whitened { projected, columns, remainder, log_likelihood })
-            })
+        let blocks: Vec<Option<Arc<Whitened>>> = (0..model.blocks.len())
+            .into_par_iter()
+            .map(|index| case.whitened(index, terms, noises))
             .collect();
+        let filters = Filters {
+            of_block: blocks
+                .iter()
+                .map(|block| block.as_ref().map(|block| Arc::clone(&block.filter)))
+                .collect(),
+        };
+        let places: Vec<Vec<usize>> =
+            (0..model.blocks.len()).map(|index| places(model, index, terms)).collect();
         let size = model.constants.len() + terms.iter().map(Term::amplitudes).sum::<usize>();
         let (mut normal, mut scores) = (DMatrix::zeros(size, size), DVector::zeros(size));
         let mut log_likelihood = 0.0;
-        for (filter, block) in filters.of_block.iter().zip(&blocks) {
-            let (Some(filter), Some(block)) = (filter, block) else { continue };
-            let sums = Sums::of_whitened(filter, &block.columns);
+        for (block, places) in blocks.iter().zip(&places) {
+            let Some(block) = block else { continue };
+            let sums = &block.sums;
             log_likelihood += sums.log_likelihood;
-            for (i, &row) in block.projected.places.iter().enumerate() {
+            for (i, &row) in places.iter().enumerate() {
                 scores[row] += sums.scores[i];
-                for (j, &column) in block.projected.places.iter().enumerate() {
+                for (j, &column) in places.iter().enumerate() {
                     normal[(row, column)] += sums.normal[(i, j)];
                 }
             }
@@ -140,6 +230,7 @@ impl<'c> Bench<'c> {
             noises: noises.to_vec(),
             terms: terms.to_vec(),
             blocks,
+            places,
             log_likelihood,
             solution,
             normal,
@@ -156,7 +247,20 @@ impl<'c> Bench<'c> {
     }
 
     /// What the log-likelihood gains by `term`, and all amplitudes, the term's last.
+    ///
+    /// A delay moves what is there of the motion, so that all is computed anew beside it.
     pub fn with_term(&self, term: &Term) -> (f64, Solution) {
+        let delays = Delays::new(std::slice::from_ref(term));
+        if self.terms.iter().any(|other| delays.move_term(other)) {
+            let mut terms = self.terms.clone();
+            terms.push(term.clone());
+            let filtered = (0..self.blocks.len()).filter(|&block| self.filters.of_block[block].is_some());
+            let blocks: Vec<usize> = filtered.collect();
+            return match evaluate(self.case.model, &self.filters, &terms, &blocks) {
+                Some(all) => (all.log_likelihood - self.log_likelihood, all.solution),
+                None => (f64::NEG_INFINITY, self.solution.clone()),
+            };
+        }
         let (joint, scores, offset) = self.with(term);
         if scores.is_empty() {
             return (offset, self.solution.clone());
@@ -167,7 +271,8 @@ impl<'c> Bench<'c> {
 
     /// The smallest angle between the whitened signatures of two terms, degrees, what is described taken out of both.
     pub fn angle_deg(&self, a: &Term, b: &Term) -> f64 {
-        let whole = |term: &Term| Term { unit_amplitude: false, ..term.clone() };
+        let (model, delays) = (self.case.model, Delays::new(&self.terms));
+        let whole = |term: &Term| Term { unit_amplitude: false, ..delays.late_term(model, term) };
         let (a, b) = (whole(a), whole(b));
         let both = Term { columns: a.columns.iter().chain(&b.columns).cloned().collect(), ..a.clone() };
         let ports_differ = a.port != b.port;
@@ -221,9 +326,8 @@ impl<'c> Bench<'c> {
         }
         let views: Vec<&[f64]> = parts.iter().map(Vec::as_slice).collect();
         let whitened = filter.whiten(&views);
-        let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
         for (i, column) in whitened.iter().enumerate() {
-            for (j, &other) in block.projected.places.iter().enumerate() {
+            for (j, &other) in self.places[0].iter().enumerate() {
                 let sum = dot(column, &block.columns[j + 1]);
                 normal[(before + i, other)] = sum;
                 normal[(other, before + i)] = sum;
@@ -244,10 +348,13 @@ impl<'c> Bench<'c> {
         let mut scores = DVector::zeros(size);
         scores.rows_mut(0, before).copy_from(&self.scores);
         let mut offset = 0.0;
-        let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
+        let delays = Delays::new(&self.terms);
+        let columns: Vec<_> = (term.columns.iter())
+            .map(|column| delays.late(self.case.model, term.of_the_motion, column))
+            .collect();
         for (index, block) in self.blocks.iter().enumerate() {
             let (Some(block), Some(filter)) = (block, &self.filters.of_block[index]) else { continue };
-            let parts: Vec<(usize, Vec<f64>)> = (term.columns.iter().enumerate())
+            let parts: Vec<(usize, Vec<f64>)> = (columns.iter().enumerate())
                 .filter_map(|(place, column)| {
                     Some((place, self.case.model.blocks[index].project(column, term.port)?))
                 })
@@ -262,7 +369,7 @@ impl<'c> Bench<'c> {
                 for column in &whitened {
                     offset += dot(column, data);
                     offset -= 0.5 * whitened.iter().map(|other| dot(column, other)).sum::<f64>();
-                    for (i, &row) in block.projected.places.iter().enumerate() {
+                    for (i, &row) in self.places[index].iter().enumerate() {
                         scores[row] -= dot(column, &block.columns[i + 1]);
                     }
                 }
@@ -271,7 +378,7 @@ impl<'c> Bench<'c> {
             for ((place, _), column) in parts.iter().zip(&whitened) {
                 let row = before + place;
                 scores[row] += dot(column, data);
-                for (i, &other) in block.projected.places.iter().enumerate() {
+                for (i, &other) in self.places[index].iter().enumerate() {
                     let sum = dot(column, &block.columns[i + 1]);
                     normal[(row, other)] += sum;
                     normal[(other, row)] += sum;
@@ -289,6 +396,19 @@ impl<'c> Bench<'c> {
         let (whitened, filter) = (self.blocks[block].as_ref()?, self.filters.of_block[block].as_ref()?);
         Some(Spectrum::new(&self.case.model.blocks[block], filter, &self.noises, &whitened.remainder))
     }
+}
+
+/// What the regressors at their best leave of whitened data, the first of `whitened`.
+fn remainder(whitened: &[Vec<f64>], sums: &Sums) -> Vec<f64> {
+    let Some((data, regressors)) = whitened.split_first() else { return Vec::new() };
+    let mut remainder = data.clone();
+    if !regressors.is_empty() {
+        let solution = solve(&sums.normal, &sums.scores);
+        for (amplitude, column) in solution.amplitudes.iter().zip(regressors) {
+            remainder.iter_mut().zip(column).for_each(|(value, column)| *value -= amplitude * column);
+        }
+    }
+    remainder
 }
 
 /// The state of `terms` with its free noise parameters at the maximum of the likelihood; blocks outside `only` keep

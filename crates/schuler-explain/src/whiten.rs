@@ -5,21 +5,27 @@
 //! innovations is linear, T; the covariance of the record is (TᵀT)⁻¹, so that the adjoint pass gives
 //! q = TᵀT y = R⁻¹y, the scores of every unit impulse at once.
 //!
-//! Columns of several channels stand channel after channel.
+//! Columns of several channels stand channel after channel. There is no limit to states or channels; of one channel and
+//! few states the code is of fixed sizes.
 
-/// States of which a filter has room.
-pub const MOST_STATES: usize = 32;
-/// Channels of which a filter has room.
-pub const MOST_CHANNELS: usize = 8;
+use crate::course::{Course, course};
+
 /// Columns that run together where there are few, and where there are many.
 const FEW: usize = 4;
 const MANY: usize = 8;
-/// Relative change of the covariance from row to row below which it has settled.
+/// Rows of all columns that are brought together before they run through a filter of several channels.
+const TILE_ROWS: usize = 32;
+/// Relative change of the variances from row to row below which they have settled.
 const SETTLED: f64 = 1e-12;
 /// Rows after which states too small to matter are set to zero, so that arithmetic stays fast.
 const FLUSH_ROWS: usize = 64;
+/// Rows with one gain from which on, and states up to which, the steps of a row are brought together.
+const SETTLED_ROWS: usize = 16;
+const FEW_STATES: usize = 3;
 /// What is too small to matter.
 const FLUSH: f64 = 1e-140;
+/// Rows without one missing from which on not all of their gains are computed.
+const LONG_ROWS: usize = 200;
 /// Marks a missing row.
 const MISSING: u32 = u32::MAX;
 
@@ -48,10 +54,10 @@ pub struct Space {
 pub struct Filter {
     states: usize,
     channels: usize,
-    padded: (usize, usize),
-    transition: Vec<f64>,
+    /// Φ without its zeros: for each state, the states from which it comes and their weights.
+    transition: Vec<Vec<(usize, f64)>>,
     seen: Vec<f64>,
-    /// For each gain K (states × channels), then W with W S Wᵀ = 1 (channels × channels), padded.
+    /// For each gain K (states × channels), then W with W S Wᵀ = 1 (channels × channels).
     gains: Vec<f64>,
     index: Vec<u32>,
     /// Σ ln det S over the rows present.
@@ -60,43 +66,45 @@ pub struct Filter {
     pub count: usize,
 }
 
-/// Calls a function of compile-time sizes for the padded sizes (states, channels).
-macro_rules! sized {
-    ($padded:expr, $run:ident [$($other:tt),*] ( $($argument:expr),* )) => {
-        match $padded {
-            (1, 1) => $run::<$($other,)* 1, 1>($($argument),*),
-            (2, 1) => $run::<$($other,)* 2, 1>($($argument),*),
-            (3, 1) => $run::<$($other,)* 3, 1>($($argument),*),
-            (4, 1) => $run::<$($other,)* 4, 1>($($argument),*),
-            (8, 1) => $run::<$($other,)* 8, 1>($($argument),*),
-            (_, 1) => $run::<$($other,)* 32, 1>($($argument),*),
-            (6, 2) => $run::<$($other,)* 6, 2>($($argument),*),
-            (_, 2) => $run::<$($other,)* 32, 2>($($argument),*),
-            _ => $run::<$($other,)* 32, 8>($($argument),*),
+/// Runs columns through a function of compile-time size where there is one channel and the states are few, through
+/// another one where not.
+macro_rules! run {
+    ($filter:expr, $columns:expr, $whitened:expr, $kind:ty, $lanes:expr) => {
+        match ($filter.channels, $filter.states) {
+            (1, 0 | 1) => run_few::<$kind, $lanes, 1>($filter, $columns, $whitened),
+            (1, 2) => run_few::<$kind, $lanes, 2>($filter, $columns, $whitened),
+            (1, 3) => run_few::<$kind, $lanes, 3>($filter, $columns, $whitened),
+            (1, 4) => run_few::<$kind, $lanes, 4>($filter, $columns, $whitened),
+            (1, 5 | 6) => run_few::<$kind, $lanes, 6>($filter, $columns, $whitened),
+            (1, 7 | 8) => run_few::<$kind, $lanes, 8>($filter, $columns, $whitened),
+            _ => run_many::<$kind, $lanes>($filter, $columns, $whitened),
         }
     };
 }
 
-/// Sizes, states and channels, for which there is code.
-const fn padded(channels: usize, states: usize) -> (usize, usize) {
-    match (channels, states) {
-        (..=1, ..=1) => (1, 1),
-        (..=1, 2..=4) => (states, 1),
-        (..=1, ..=8) => (8, 1),
-        (..=1, _) => (32, 1),
-        (2, ..=6) => (6, 2),
-        (2, _) => (32, 2),
-        _ => (32, 8),
-    }
-}
-
 impl Filter {
-    /// The filter of `space` over rows that are `present` or not; `None` where the model is too large or singular.
+    /// The filter of `space` over rows that are `present` or not; `None` where the model is singular.
     pub fn new(space: &Space, present: &[bool]) -> Option<Self> {
-        if space.states > MOST_STATES || space.channels > MOST_CHANNELS || space.channels == 0 {
+        Self::with_long(space, present, LONG_ROWS)
+    }
+
+    /// The same with the gain of every row computed.
+    #[cfg(test)]
+    pub fn of_every_row(space: &Space, present: &[bool]) -> Option<Self> {
+        Self::with_long(space, present, usize::MAX)
+    }
+
+    fn with_long(space: &Space, present: &[bool], long_rows: usize) -> Option<Self> {
+        if space.channels == 0 {
             return None;
         }
-        sized!(padded(space.channels, space.states), gains[](space, present))
+        match (space.channels, space.states) {
+            (1, 0 | 1) => gains_of_few::<1>(space, present, long_rows),
+            (1, 2) => gains_of_few::<2>(space, present, long_rows),
+            (1, 3) => gains_of_few::<3>(space, present, long_rows),
+            (1, 4) => gains_of_few::<4>(space, present, long_rows),
+            _ => gains_of_many(space, present, long_rows),
+        }
     }
 
     /// Number of rows.
@@ -110,9 +118,9 @@ impl Filter {
         let (alone, together) =
             if columns.len() % FEW == 1 { columns.split_at(1) } else { columns.split_at(0) };
         let (alone_whitened, together_whitened) = whitened.split_at_mut(alone.len());
-        sized!(self.padded, run[f64, 1](self, alone, alone_whitened));
+        run!(self, alone, alone_whitened, f64, 1);
         for (columns, whitened) in together.chunks(FEW).zip(together_whitened.chunks_mut(FEW)) {
-            sized!(self.padded, run[f64, FEW](self, columns, whitened));
+            run!(self, columns, whitened, f64, FEW);
         }
         whitened
     }
@@ -121,36 +129,41 @@ impl Filter {
     pub fn whiten_single(&self, columns: &[&[f64]]) -> Vec<Vec<f32>> {
         let mut whitened = vec![vec![0.0; self.channels * self.rows()]; columns.len()];
         for (columns, whitened) in columns.chunks(MANY).zip(whitened.chunks_mut(MANY)) {
-            sized!(self.padded, run[f32, MANY](self, columns, whitened));
+            run!(self, columns, whitened, f32, MANY);
         }
         whitened
     }
 
     /// Tᵀ of whitened innovations: with those of a record, q = R⁻¹y. 0 in rows that are missing.
     pub fn adjoint(&self, whitened: &[f64]) -> Vec<f64> {
-        let (rows, (n, m)) = (self.rows(), self.padded);
+        let (rows, n, m) = (self.rows(), self.states, self.channels);
         let stride = n * m + m * m;
-        let mut scores = vec![0.0; self.channels * rows];
+        let mut scores = vec![0.0; m * rows];
         let mut costate = vec![0.0; n];
         let mut turned = vec![0.0; n];
         let mut innovation = vec![0.0; m];
         for (row, &index) in self.index.iter().enumerate().rev() {
-            for (i, value) in turned.iter_mut().enumerate().take(self.states) {
-                *value = (0..self.states).map(|j| self.transition[j * n + i] * costate[j]).sum();
+            turned.fill(0.0);
+            for (costate, from) in costate.iter().zip(&self.transition) {
+                for &(j, weight) in from {
+                    turned[j] += weight * costate;
+                }
             }
             costate.copy_from_slice(&turned);
             if index != MISSING {
-                let gain = &self.gains[index as usize * stride..][..stride];
-                for c in 0..self.channels {
-                    let through: f64 = (0..self.states).map(|i| gain[i * m + c] * turned[i]).sum();
-                    let white: f64 =
-                        (c..self.channels).map(|d| gain[n * m + d * m + c] * whitened[d * rows + row]).sum();
-                    innovation[c] = through + white;
-                    scores[c * rows + row] = innovation[c];
+                let (gain, whitening) = self.gains[index as usize * stride..][..stride].split_at(n * m);
+                innovation.fill(0.0);
+                for (gain, turned) in gain.chunks_exact(m).zip(&turned) {
+                    innovation.iter_mut().zip(gain).for_each(|(sum, gain)| *sum += gain * turned);
                 }
-                for i in 0..self.states {
-                    costate[i] -=
-                        (0..self.channels).map(|c| self.seen[c * n + i] * innovation[c]).sum::<f64>();
+                for (d, weights) in whitening.chunks_exact(m).enumerate() {
+                    let value = whitened[d * rows + row];
+                    innovation.iter_mut().zip(weights).take(d + 1).for_each(|(sum, w)| *sum += w * value);
+                }
+                for (c, innovation) in innovation.iter().enumerate() {
+                    scores[c * rows + row] = *innovation;
+                    let seen = &self.seen[c * n..(c + 1) * n];
+                    costate.iter_mut().zip(seen).for_each(|(value, seen)| *value -= seen * innovation);
                 }
             }
             if row % FLUSH_ROWS == 0 {
@@ -160,42 +173,82 @@ impl Filter {
         scores
     }
 
+    /// Numbers that [`step`](Self::step) needs to work on.
+    pub fn scratch(&self) -> Vec<f64> {
+        vec![0.0; self.states + 2 * self.channels]
+    }
+
+    /// One row of one column: `state` goes on to the next row. Gives the whitened innovations, 0 where the row is missing.
+    pub fn step<'s>(
+        &self,
+        row: usize,
+        state: &mut [f64],
+        scratch: &'s mut [f64],
+        input: impl Fn(usize) -> f64,
+    ) -> &'s [f64] {
+        let (n, m) = (self.states, self.channels);
+        let (whitened, rest) = scratch.split_at_mut(m);
+        let (innovation, before) = rest.split_at_mut(m);
+        whitened.fill(0.0);
+        if let Some(&index) = self.index.get(row).filter(|&&index| index != MISSING) {
+            let (gain, whitening) = self.gains[index as usize * (n * m + m * m)..].split_at(n * m);
+            for (c, (innovation, seen)) in
+                innovation.iter_mut().zip((0..m).map(|c| &self.seen[c * n..(c + 1) * n])).enumerate()
+            {
+                let predicted: f64 = seen.iter().zip(&*state).map(|(seen, state)| seen * state).sum();
+                *innovation = input(c) - predicted;
+            }
+            for (state, gain) in state.iter_mut().zip(gain.chunks_exact(m)) {
+                *state += gain.iter().zip(&*innovation).map(|(gain, value)| gain * value).sum::<f64>();
+            }
+            for (c, (whitened, weights)) in whitened.iter_mut().zip(whitening.chunks_exact(m)).enumerate() {
+                *whitened = weights.iter().zip(&*innovation).take(c + 1).map(|(w, value)| w * value).sum();
+            }
+        }
+        before.copy_from_slice(state);
+        for (state, from) in state.iter_mut().zip(&self.transition) {
+            *state = from.iter().map(|&(j, weight)| weight * before[j]).sum();
+        }
+        whitened
+    }
+
+    /// How much each state weighs in the whitened innovations of the settled filter.
+    pub fn weight_of_states(&self) -> Vec<f64> {
+        let (_, whitening) = self.settled();
+        let (n, m) = (self.states, self.channels);
+        let seen = |c: usize, i: usize| self.seen[c * n + i].abs() * whitening[c * m + c].abs();
+        (0..n).map(|i| (0..m).map(|c| seen(c, i)).sum()).collect()
+    }
+
     /// The whitening matrix W of a row, by rows; `None` where the row is missing.
     pub fn whitening(&self, row: usize) -> Option<Vec<f64>> {
         let index = self.index.get(row).copied().filter(|&index| index != MISSING)?;
-        let (n, m) = self.padded;
-        let whitening = self.gains.get(index as usize * (n * m + m * m) + n * m..)?;
-        let channels = self.channels;
-        Some((0..channels * channels).map(|flat| whitening[flat / channels * m + flat % channels]).collect())
+        let (n, m) = (self.states, self.channels);
+        let first = index as usize * (n * m + m * m) + n * m;
+        self.gains.get(first..first + m * m).map(<[f64]>::to_vec)
     }
 
     /// The gain and the whitening matrix that it settles at, by rows: K (states × channels), W (channels × channels).
     pub fn settled(&self) -> (Vec<f64>, Vec<f64>) {
-        let (n, m) = self.padded;
-        let stride = n * m + m * m;
-        let last = self.gains.len().saturating_sub(stride);
-        let gain = self.gains.get(last..).unwrap_or_default();
-        let at = |index: usize| gain.get(index).copied().unwrap_or_default();
-        let (states, channels) = (self.states, self.channels);
-        let k = (0..states * channels).map(|flat| at(flat / channels * m + flat % channels)).collect();
-        let w =
-            (0..channels * channels).map(|flat| at(n * m + flat / channels * m + flat % channels)).collect();
-        (k, w)
+        let (n, m) = (self.states, self.channels);
+        let (gain, whitening) = self.last_gain().split_at(n * m);
+        (gain.to_vec(), whitening.to_vec())
+    }
+
+    fn last_gain(&self) -> &[f64] {
+        let stride = self.states * self.channels + self.channels * self.channels;
+        &self.gains[self.gains.len() - stride..]
     }
 
     /// The filter of the settled gain for `rows` rows, none missing: for responses that do not depend on when.
     #[must_use]
     pub fn settled_filter(&self, rows: usize) -> Self {
-        let (n, m) = self.padded;
-        let stride = n * m + m * m;
-        let last = self.gains.len().saturating_sub(stride);
         Self {
             states: self.states,
             channels: self.channels,
-            padded: self.padded,
             transition: self.transition.clone(),
             seen: self.seen.clone(),
-            gains: self.gains.get(last..).unwrap_or_default().to_vec(),
+            gains: self.last_gain().to_vec(),
             index: vec![0; rows],
             log_variances: 0.0,
             count: rows * self.channels,
@@ -203,75 +256,189 @@ impl Filter {
     }
 }
 
-/// Runs at most `L` columns through the gains.
-fn run<T: Rounded, const L: usize, const N: usize, const M: usize>(
+/// Runs at most `L` columns of one channel through the gains.
+fn run_few<T: Rounded, const L: usize, const N: usize>(
     filter: &Filter,
     columns: &[&[f64]],
     whitened: &mut [Vec<T>],
 ) {
     let Some(first) = columns.first() else { return };
     let inputs: [&[f64]; L] = std::array::from_fn(|lane| *columns.get(lane).unwrap_or(first));
-    let (rows, channels) = (filter.rows(), if M == 1 { 1 } else { filter.channels.min(M) });
-    let stride = N * M + M * M;
-    let transition: [[f64; N]; N] =
-        std::array::from_fn(|i| std::array::from_fn(|j| filter.transition[i * N + j]));
-    let seen: [[f64; N]; M] = std::array::from_fn(|c| std::array::from_fn(|j| filter.seen[c * N + j]));
-    let used = if N <= 4 { N } else { filter.states.min(N) };
+    let mut transition: Square<N> = [[0.0; N]; N];
+    for (row, from) in transition.iter_mut().zip(&filter.transition) {
+        for &(j, weight) in from {
+            row[j] = weight;
+        }
+    }
+    let n = filter.states;
+    let seen: [f64; N] = std::array::from_fn(|i| filter.seen.get(i).copied().unwrap_or_default());
+    let diagonal = (0..N).all(|i| (0..N).all(|j| i == j || transition[i][j] == 0.0));
+    let gain_of = |index: u32| &filter.gains[index as usize * (n + 1)..][..=n];
     let mut state = [[0.0; L]; N];
-    for (row, &index) in filter.index.iter().enumerate() {
-        if index != MISSING {
-            let at = index as usize * stride;
-            let gain = &filter.gains[at..at + stride];
-            let mut innovation = [[0.0; L]; M];
-            for c in 0..channels {
-                for lane in 0..L {
-                    innovation[c][lane] = inputs[lane][c * rows + row];
-                }
-                for i in 0..used {
-                    let weight = seen[c][i];
+    let mut row = 0;
+    for stretch in filter.index.chunk_by(|a, b| a == b).flat_map(|stretch| stretch.chunks(FLUSH_ROWS)) {
+        let rows = row..row + stretch.len();
+        row = rows.end;
+        let index = stretch[0];
+        if index != MISSING && N <= FEW_STATES && stretch.len() >= SETTLED_ROWS {
+            // x ← (Φ − Φ K H) x + Φ K y: a row waits for the one before in a single product and sum.
+            let gain = gain_of(index);
+            let driven: [f64; N] =
+                std::array::from_fn(|i| (0..N.min(n)).map(|j| transition[i][j] * gain[j]).sum());
+            let closed: Square<N> =
+                std::array::from_fn(|i| std::array::from_fn(|j| transition[i][j] - driven[i] * seen[j]));
+            for row in rows {
+                let input: [f64; L] = std::array::from_fn(|lane| inputs[lane][row]);
+                let mut innovation = input;
+                let mut next = [[0.0; L]; N];
+                for i in 0..N {
                     for lane in 0..L {
-                        innovation[c][lane] -= weight * state[i][lane];
+                        innovation[lane] -= seen[i] * state[i][lane];
+                        next[i][lane] = driven[i] * input[lane];
                     }
+                }
+                for i in 0..N {
+                    for j in 0..N {
+                        for lane in 0..L {
+                            next[i][lane] += closed[i][j] * state[j][lane];
+                        }
+                    }
+                }
+                state = next;
+                for (column, value) in whitened.iter_mut().zip(innovation) {
+                    column[row] = T::rounded(gain[n] * value);
                 }
             }
-            for c in 0..channels {
-                for i in 0..used {
-                    let weight = gain[i * M + c];
-                    for lane in 0..L {
-                        state[i][lane] += weight * innovation[c][lane];
-                    }
-                }
-                let mut white = [0.0; L];
-                for d in 0..=c {
-                    let weight = gain[N * M + c * M + d];
-                    for lane in 0..L {
-                        white[lane] += weight * innovation[d][lane];
-                    }
-                }
-                for (column, value) in whitened.iter_mut().zip(white) {
-                    column[c * rows + row] = T::rounded(value);
-                }
-            }
+            flush(&mut state);
+            continue;
         }
-        let before = state;
-        for i in 0..used {
-            let mut sum = [0.0; L];
-            for j in 0..used {
-                let weight = transition[i][j];
-                for lane in 0..L {
-                    sum[lane] += weight * before[j][lane];
+        for row in rows {
+            if index != MISSING {
+                let gain = gain_of(index);
+                let mut innovation: [f64; L] = std::array::from_fn(|lane| inputs[lane][row]);
+                for (seen, state) in seen.iter().zip(&state) {
+                    for lane in 0..L {
+                        innovation[lane] -= seen * state[lane];
+                    }
+                }
+                for (gain, state) in gain.iter().take(n).zip(&mut state) {
+                    for lane in 0..L {
+                        state[lane] += gain * innovation[lane];
+                    }
+                }
+                for (column, value) in whitened.iter_mut().zip(innovation) {
+                    column[row] = T::rounded(gain[n] * value);
                 }
             }
-            state[i] = sum;
-        }
-        if row % FLUSH_ROWS == 0 {
-            for value in state.iter_mut().flatten() {
-                if value.abs() < FLUSH {
-                    *value = 0.0;
+            if diagonal {
+                for i in 0..N {
+                    for lane in 0..L {
+                        state[i][lane] *= transition[i][i];
+                    }
                 }
+            } else {
+                let before = state;
+                for i in 0..N {
+                    let mut sum = [0.0; L];
+                    for j in 0..N {
+                        let weight = transition[i][j];
+                        for lane in 0..L {
+                            sum[lane] += weight * before[j][lane];
+                        }
+                    }
+                    state[i] = sum;
+                }
+            }
+            if row % FLUSH_ROWS == 0 {
+                flush(&mut state);
             }
         }
     }
+}
+
+/// Runs at most `L` columns through the gains of a filter of any size.
+fn run_many<T: Rounded, const L: usize>(filter: &Filter, columns: &[&[f64]], whitened: &mut [Vec<T>]) {
+    let Some(first) = columns.first() else { return };
+    let inputs: [&[f64]; L] = std::array::from_fn(|lane| *columns.get(lane).unwrap_or(first));
+    let (rows, n, m) = (filter.rows(), filter.states, filter.channels);
+    let stride = n * m + m * m;
+    let mut state = vec![[0.0; L]; n];
+    let mut before = state.clone();
+    // Channels of a tile's rows side by side, values first, then innovations, then whitened.
+    let mut tile = vec![[0.0; L]; TILE_ROWS * m];
+    let mut innovation = vec![[0.0; L]; m];
+    for (number, indices) in filter.index.chunks(TILE_ROWS).enumerate() {
+        let first_row = number * TILE_ROWS;
+        for c in 0..m {
+            for (lane, input) in inputs.iter().enumerate() {
+                let values = &input[c * rows + first_row..][..indices.len()];
+                for (values_of_row, value) in tile.chunks_exact_mut(m).zip(values) {
+                    values_of_row[c][lane] = *value;
+                }
+            }
+        }
+        for (values, &index) in tile.chunks_exact_mut(m).zip(indices) {
+            if index == MISSING {
+                values.fill([0.0; L]);
+            } else {
+                let (gain, whitening) = filter.gains[index as usize * stride..][..stride].split_at(n * m);
+                innovation.copy_from_slice(values);
+                for (c, innovation) in innovation.iter_mut().enumerate() {
+                    subtract(innovation, &filter.seen[c * n..(c + 1) * n], &state);
+                }
+                for (state, gain) in state.iter_mut().zip(gain.chunks_exact(m)) {
+                    add(state, gain, &innovation);
+                }
+                for (c, value) in values.iter_mut().enumerate() {
+                    *value = [0.0; L];
+                    add(value, &whitening[c * m..=c * m + c], &innovation);
+                }
+            }
+            std::mem::swap(&mut before, &mut state);
+            for (state, from) in state.iter_mut().zip(&filter.transition) {
+                let mut sum = [0.0; L];
+                for &(j, weight) in from {
+                    let before = &before[j];
+                    for lane in 0..L {
+                        sum[lane] += weight * before[lane];
+                    }
+                }
+                *state = sum;
+            }
+        }
+        for (lane, column) in whitened.iter_mut().enumerate() {
+            for c in 0..m {
+                let column = &mut column[c * rows + first_row..][..indices.len()];
+                for (slot, values) in column.iter_mut().zip(tile.chunks_exact(m)) {
+                    *slot = T::rounded(values[c][lane]);
+                }
+            }
+        }
+        flush(&mut state);
+    }
+}
+
+/// `sum` + Σ weight · value.
+fn add<const L: usize>(sum: &mut [f64; L], weights: &[f64], values: &[[f64; L]]) {
+    for (weight, value) in weights.iter().zip(values) {
+        for lane in 0..L {
+            sum[lane] += weight * value[lane];
+        }
+    }
+}
+
+/// `sum` − Σ weight · value.
+fn subtract<const L: usize>(sum: &mut [f64; L], weights: &[f64], values: &[[f64; L]]) {
+    for (weight, value) in weights.iter().zip(values) {
+        for lane in 0..L {
+            sum[lane] -= weight * value[lane];
+        }
+    }
+}
+
+/// Sets what is too small to matter to zero.
+fn flush<const L: usize>(state: &mut [[f64; L]]) {
+    state.iter_mut().flatten().filter(|value| value.abs() < FLUSH).for_each(|value| *value = 0.0);
 }
 
 /// Numbers that whitened innovations are kept in.
@@ -302,161 +469,360 @@ fn square<const N: usize>(flat: &[f64], size: usize) -> Square<N> {
     })
 }
 
-/// The covariance half of the filter.
-fn gains<const N: usize, const M: usize>(space: &Space, present: &[bool]) -> Option<Filter> {
-    let (n, m) = (space.states.min(N), space.channels.min(M));
-    let transition: Square<N> = square(&space.transition, n);
-    let driven: Square<N> = square(&space.driven, n);
-    let seen: [[f64; N]; M] = std::array::from_fn(|c| {
-        std::array::from_fn(|i| {
-            if c < m && i < n { space.seen.get(c * n + i).copied().unwrap_or_default() } else { 0.0 }
-        })
-    });
-    let white_before: Square<M> = square(&space.white, m);
-    let after = space.white_from.as_ref().map(|(row, white)| (*row, square::<M>(white, m)));
-    let mut white = white_before;
-    let mut covariance: Square<N> = square(&space.start, n);
+/// The covariance half of a filter.
+trait Covariance {
+    /// Takes a measurement in; adds K and W to `gains` and gives ln det S. `None` where S is singular.
+    fn measure(&mut self, changed: bool, gains: &mut Vec<f64>) -> Option<f64>;
+    /// Goes on by a step.
+    fn propagate(&mut self);
+    /// Whether the variances have not changed over the last measurement and step.
+    fn has_settled(&self) -> bool;
+    /// The predicted covariance, by rows.
+    fn predicted(&self) -> Vec<f64>;
+    /// Goes on from a predicted covariance.
+    fn set(&mut self, predicted: &[f64]);
+}
+
+/// The gains of every row.
+fn gains(
+    space: &Space,
+    present: &[bool],
+    long_rows: usize,
+    mut covariance: impl Covariance,
+) -> Option<Filter> {
+    let (n, m) = (space.states, space.channels);
     let mut filter = Filter {
         states: n,
         channels: m,
-        padded: padded(space.channels, space.states),
-        transition: transition.iter().flatten().copied().collect(),
-        seen: seen.iter().flatten().copied().collect(),
+        transition: nonzero(space),
+        seen: space.seen.clone(),
         gains: Vec::new(),
         index: Vec::with_capacity(present.len()),
         log_variances: 0.0,
         count: 0,
     };
-    debug_assert_eq!(filter.padded, (N, M));
+    let size = n * m + m * m;
+    let changes_at = space.white_from.as_ref().map(|(row, _)| *row);
     let mut last = MISSING;
     let mut settled = false;
+    let mut changed = false;
     let mut log_variance = 0.0;
-    for (row, &present) in present.iter().enumerate() {
-        if let Some((from, changed)) = &after
-            && row == *from
-        {
-            white = *changed;
+    let mut row = 0;
+    while let Some(&is_present) = present.get(row) {
+        if changes_at == Some(row) {
+            changed = true;
             settled = false;
         }
-        if !present {
+        if !is_present {
             settled = false;
             filter.index.push(MISSING);
-            covariance = propagated(&covariance, &transition, &driven, n);
+            covariance.propagate();
+            row += 1;
             continue;
         }
-        if !settled {
-            let (gain, whitening, updated) = update(&covariance, &seen, &white, n, m)?;
-            let next = propagated(&updated, &transition, &driven, n);
-            let change = (0..n)
-                .flat_map(|i| (0..n).map(move |j| (i, j)))
-                .map(|(i, j)| {
-                    let size = (next[i][i] * next[j][j]).abs().sqrt();
-                    if size > 0.0 { (next[i][j] - covariance[i][j]).abs() / size } else { 0.0 }
+        if !settled && n > 0 {
+            let goes_on = present[row..].iter().take_while(|present| **present).count();
+            let until_change = changes_at.and_then(|at| at.checked_sub(row)).filter(|&rows| rows > 0);
+            let rows = goes_on.min(until_change.unwrap_or(goes_on));
+            let white =
+                space.white_from.as_ref().filter(|_| changed).map_or(&space.white, |(_, white)| white);
+            let start = covariance.predicted();
+            let found = (rows >= long_rows)
+                .then(|| {
+                    course(space, white, &start, rows, |predicted, gain| {
+                        covariance.set(predicted);
+                        covariance.measure(changed, gain)
+                    })
                 })
-                .fold(0.0, f64::max);
-            settled = change < SETTLED;
-            covariance = next;
-            log_variance = -2.0 * (0..m).map(|c| whitening[c][c].ln()).sum::<f64>();
+                .flatten();
+            if let Some(Course { gains, log_variances, covariance: predicted }) = found {
+                let first = filter.gains.len() / size;
+                let number = gains.len() / size;
+                filter.gains.extend(gains);
+                filter.index.extend((0..rows).map(|at| (first + at.min(number - 1)) as u32));
+                filter.log_variances += log_variances.iter().sum::<f64>();
+                let left = (rows - number) as f64;
+                filter.log_variances += left * log_variances.last().copied().unwrap_or_default();
+                filter.count += rows * m;
+                covariance.set(&predicted);
+                row += rows;
+                continue;
+            }
+            covariance.set(&start);
+        }
+        if !settled {
+            last = (filter.gains.len() / size) as u32;
+            log_variance = covariance.measure(changed, &mut filter.gains)?;
             if !log_variance.is_finite() {
                 return None;
             }
-            last = (filter.gains.len() / (N * M + M * M)) as u32;
-            filter.gains.extend(gain.iter().flatten());
-            filter.gains.extend(whitening.iter().flatten());
+            covariance.propagate();
+            settled = covariance.has_settled();
         }
         filter.index.push(last);
         filter.log_variances += log_variance;
         filter.count += m;
+        row += 1;
     }
     if filter.gains.is_empty() {
-        filter.gains.resize(N * M + M * M, 0.0);
+        filter.gains.resize(n * m + m * m, 0.0);
     }
     Some(filter)
 }
 
-fn propagated<const N: usize>(p: &Square<N>, phi: &Square<N>, driven: &Square<N>, n: usize) -> Square<N> {
-    let mut half = [[0.0; N]; N];
-    for i in 0..n {
-        for j in 0..n {
-            let weight = phi[i][j];
-            if weight != 0.0 {
-                for k in 0..n {
-                    half[i][k] += weight * p[j][k];
-                }
-            }
-        }
-    }
-    let mut next = *driven;
-    for i in 0..n {
-        for j in 0..=i {
-            let mut sum = next[i][j];
-            for k in 0..n {
-                sum += half[i][k] * phi[j][k];
-            }
-            next[i][j] = sum;
-            next[j][i] = sum;
-        }
-    }
-    next
+/// One channel and few states.
+#[derive(Clone)]
+struct Few<const N: usize> {
+    transition: Square<N>,
+    driven: Square<N>,
+    seen: [f64; N],
+    /// Before and after the change.
+    white: [f64; 2],
+    states: usize,
+    covariance: Square<N>,
+    /// Variances before the last measurement.
+    before: [f64; N],
 }
 
-/// Gain, whitening matrix and covariance after the measurement.
-fn update<const N: usize, const M: usize>(
-    p: &Square<N>,
-    h: &[[f64; N]; M],
-    white: &Square<M>,
-    n: usize,
-    m: usize,
-) -> Option<([[f64; M]; N], Square<M>, Square<N>)> {
-    let mut crossed = [[0.0; M]; N];
-    for i in 0..n {
-        for c in 0..m {
-            crossed[i][c] = (0..n).map(|j| p[i][j] * h[c][j]).sum();
+fn gains_of_few<const N: usize>(space: &Space, present: &[bool], long_rows: usize) -> Option<Filter> {
+    let n = space.states.min(N);
+    let white = space.white.first().copied()?;
+    let few = Few::<N> {
+        transition: square(&space.transition, n),
+        driven: square(&space.driven, n),
+        seen: std::array::from_fn(
+            |i| if i < n { space.seen.get(i).copied().unwrap_or_default() } else { 0.0 },
+        ),
+        white: [
+            white,
+            space.white_from.as_ref().and_then(|(_, white)| white.first().copied()).unwrap_or(white),
+        ],
+        states: n,
+        covariance: square(&space.start, n),
+        before: [0.0; N],
+    };
+    gains(space, present, long_rows, few)
+}
+
+impl<const N: usize> Covariance for Few<N> {
+    fn measure(&mut self, changed: bool, gains: &mut Vec<f64>) -> Option<f64> {
+        self.before = std::array::from_fn(|i| self.covariance[i][i]);
+        let mut scaled =
+            self.covariance.map(|row| row.iter().zip(&self.seen).map(|(p, h)| p * h).sum::<f64>());
+        let own: f64 = self.seen.iter().zip(&scaled).map(|(h, ph)| h * ph).sum();
+        let variance = self.white[usize::from(changed)] + own;
+        if variance.is_nan() || variance <= 0.0 {
+            return None;
         }
-    }
-    let mut root = [[0.0; M]; M];
-    for c in 0..m {
-        for d in 0..=c {
-            let mut sum = white[c][d] + (0..n).map(|i| h[c][i] * crossed[i][d]).sum::<f64>();
-            for e in 0..d {
-                sum -= root[c][e] * root[d][e];
+        // K = P Hᵀ Wᵀ W; with B = P Hᵀ Wᵀ the covariance is P − B Bᵀ.
+        let whitening = variance.sqrt().recip();
+        for value in &mut scaled {
+            *value *= whitening;
+        }
+        gains.extend(scaled.iter().take(self.states).map(|value| value * whitening));
+        gains.push(whitening);
+        for i in 0..N {
+            for j in 0..N {
+                self.covariance[i][j] -= scaled[i] * scaled[j];
             }
-            if c == d {
-                if sum.is_nan() || sum <= 0.0 {
+        }
+        Some(-2.0 * whitening.ln())
+    }
+
+    fn propagate(&mut self) {
+        let (phi, p) = (&self.transition, &self.covariance);
+        let mut half = [[0.0; N]; N];
+        for i in 0..N {
+            for j in 0..N {
+                for k in 0..N {
+                    half[i][k] += phi[i][j] * p[j][k];
+                }
+            }
+        }
+        let mut next = self.driven;
+        for i in 0..N {
+            for j in 0..=i {
+                let mut sum = next[i][j];
+                for k in 0..N {
+                    sum += half[i][k] * phi[j][k];
+                }
+                next[i][j] = sum;
+                next[j][i] = sum;
+            }
+        }
+        self.covariance = next;
+    }
+
+    fn has_settled(&self) -> bool {
+        let now = |i: usize| self.covariance[i][i];
+        self.before.iter().enumerate().all(|(i, before)| unchanged(*before, now(i)))
+    }
+
+    fn predicted(&self) -> Vec<f64> {
+        let own = |i: usize| &self.covariance[i][..self.states];
+        (0..self.states).flat_map(own).copied().collect()
+    }
+
+    fn set(&mut self, predicted: &[f64]) {
+        self.covariance = square(predicted, self.states);
+    }
+}
+
+/// Whether a variance is the same but for rounding.
+fn unchanged(before: f64, now: f64) -> bool {
+    now == before || (now - before).abs() < SETTLED * now.abs()
+}
+
+/// Any number of channels and states. Matrices stand by rows; of the transition only what is not zero.
+struct Many<'s> {
+    space: &'s Space,
+    transition: Vec<Vec<(usize, f64)>>,
+    covariance: Vec<f64>,
+    /// Variances before the last measurement.
+    before: Vec<f64>,
+    /// Φ P.
+    half: Vec<f64>,
+    /// P Hᵀ and P Hᵀ Wᵀ, channel after channel.
+    crossed: Vec<f64>,
+    scaled: Vec<f64>,
+    root: Vec<f64>,
+}
+
+fn gains_of_many(space: &Space, present: &[bool], long_rows: usize) -> Option<Filter> {
+    let (n, m) = (space.states, space.channels);
+    let many = Many {
+        space,
+        transition: nonzero(space),
+        covariance: space.start.clone(),
+        before: vec![0.0; n],
+        half: vec![0.0; n * n],
+        crossed: vec![0.0; n * m],
+        scaled: vec![0.0; n * m],
+        root: vec![0.0; m * m],
+    };
+    gains(space, present, long_rows, many)
+}
+
+/// `sum` + weight · values.
+fn add_scaled(sum: &mut [f64], weight: f64, values: &[f64]) {
+    sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+impl Covariance for Many<'_> {
+    fn measure(&mut self, changed: bool, gains: &mut Vec<f64>) -> Option<f64> {
+        let (n, m) = (self.space.states, self.space.channels);
+        let seen = &self.space.seen;
+        let later = self.space.white_from.as_ref().filter(|_| changed);
+        let white = later.map_or(&self.space.white, |(_, white)| white);
+        for (i, before) in self.before.iter_mut().enumerate() {
+            *before = self.covariance[i * n + i];
+        }
+        self.crossed.fill(0.0);
+        if n > 0 {
+            for (crossed, seen) in self.crossed.chunks_exact_mut(n).zip(seen.chunks_exact(n)) {
+                for (seen, row) in seen.iter().zip(self.covariance.chunks_exact(n)) {
+                    if *seen != 0.0 {
+                        add_scaled(crossed, *seen, row);
+                    }
+                }
+            }
+        }
+        // S = L Lᵀ.
+        let mut log_variance = 0.0;
+        for c in 0..m {
+            for d in 0..=c {
+                let (own, other) = (&self.root[c * m..c * m + d], &self.root[d * m..d * m + d]);
+                let projected = dot(&seen[c * n..(c + 1) * n], &self.crossed[d * n..(d + 1) * n]);
+                let left = white[c * m + d] + projected - dot(own, other);
+                if c > d {
+                    self.root[c * m + d] = left / self.root[d * m + d];
+                } else if left > 0.0 {
+                    self.root[c * m + c] = left.sqrt();
+                    log_variance += left.ln();
+                } else {
                     return None;
                 }
-                root[c][c] = sum.sqrt();
-            } else {
-                root[c][d] = sum / root[d][d];
+            }
+        }
+        let first = gains.len();
+        gains.resize(first + n * m + m * m, 0.0);
+        let (gain, whitening) = gains[first..].split_at_mut(n * m);
+        // W = L⁻¹; B = P Hᵀ Wᵀ solves B Lᵀ = P Hᵀ.
+        for c in 0..m {
+            let own = self.root[c * m + c].recip();
+            whitening[c * m + c] = own;
+            for d in 0..c {
+                let sum: f64 = (d..c).map(|e| self.root[c * m + e] * whitening[e * m + d]).sum();
+                whitening[c * m + d] = -sum * own;
+            }
+        }
+        // K = B W; the covariance is P − B Bᵀ.
+        self.scaled.fill(0.0);
+        if n > 0 {
+            for (c, scaled) in self.scaled.chunks_exact_mut(n).enumerate() {
+                for (d, crossed) in self.crossed.chunks_exact(n).enumerate().take(c + 1) {
+                    add_scaled(scaled, whitening[c * m + d], crossed);
+                }
+                for (i, scaled) in scaled.iter().enumerate() {
+                    add_scaled(&mut gain[i * m..=i * m + c], *scaled, &whitening[c * m..=c * m + c]);
+                }
+                for (row, weight) in self.covariance.chunks_exact_mut(n).zip(scaled.iter()) {
+                    add_scaled(row, -weight, scaled);
+                }
+            }
+        }
+        Some(log_variance)
+    }
+
+    fn propagate(&mut self) {
+        let n = self.space.states;
+        if n == 0 {
+            return;
+        }
+        self.half.fill(0.0);
+        for (half, from) in self.half.chunks_exact_mut(n).zip(&self.transition) {
+            for &(j, weight) in from {
+                add_scaled(half, weight, &self.covariance[j * n..(j + 1) * n]);
+            }
+        }
+        self.covariance.copy_from_slice(&self.space.driven);
+        for i in 0..n {
+            for (j, from) in self.transition.iter().enumerate().take(i + 1) {
+                let sum: f64 = from.iter().map(|&(k, weight)| self.half[i * n + k] * weight).sum();
+                let value = self.covariance[i * n + j] + sum;
+                self.covariance[i * n + j] = value;
+                self.covariance[j * n + i] = value;
             }
         }
     }
-    let mut whitening = [[0.0; M]; M];
-    for c in 0..m {
-        whitening[c][c] = root[c][c].recip();
-        for d in 0..c {
-            let sum: f64 = (d..c).map(|e| root[c][e] * whitening[e][d]).sum();
-            whitening[c][d] = -sum * whitening[c][c];
-        }
+
+    fn has_settled(&self) -> bool {
+        let n = self.space.states;
+        let now = |i: usize| self.covariance[i * n + i];
+        self.before.iter().enumerate().all(|(i, before)| unchanged(*before, now(i)))
     }
-    // K = P Hᵀ Wᵀ W; with B = P Hᵀ Wᵀ the covariance is P − B Bᵀ.
-    let mut scaled = [[0.0; M]; N];
-    for i in 0..n {
-        for c in 0..m {
-            scaled[i][c] = (0..=c).map(|d| crossed[i][d] * whitening[c][d]).sum();
-        }
+
+    fn predicted(&self) -> Vec<f64> {
+        self.covariance.clone()
     }
-    let mut gain = [[0.0; M]; N];
-    let mut updated = *p;
-    for i in 0..n {
-        for c in 0..m {
-            gain[i][c] = (c..m).map(|d| scaled[i][d] * whitening[d][c]).sum();
-        }
-        for j in 0..n {
-            updated[i][j] -= (0..m).map(|c| scaled[i][c] * scaled[j][c]).sum::<f64>();
-        }
+
+    fn set(&mut self, predicted: &[f64]) {
+        self.covariance.copy_from_slice(predicted);
     }
-    Some((gain, whitening, updated))
+}
+
+/// What is not zero of the transition, by rows.
+fn nonzero(space: &Space) -> Vec<Vec<(usize, f64)>> {
+    let n = space.states;
+    let of_row = |i: usize| {
+        let row = space.transition[i * n..(i + 1) * n].iter().copied().enumerate();
+        row.filter(|(_, weight)| *weight != 0.0).collect()
+    };
+    (0..n).map(of_row).collect()
 }
 
 #[cfg(test)]
@@ -563,7 +929,7 @@ mod tests {
     fn a_settled_gain_changes_nothing() {
         let space = Space { white_from: None, ..space() };
         let filter = Filter::new(&space, &[true; 3000]).unwrap();
-        assert!(filter.gains.len() / (6 * 2 + 4) < 300);
+        assert!(filter.gains.len() / (3 * 2 + 4) < 300);
         let exact = Filter { index: filter.index.clone(), ..filter.settled_filter(3000) };
         let (k, w) = filter.settled();
         let (k_again, w_again) = filter.settled_filter(10).settled();

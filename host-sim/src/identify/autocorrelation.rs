@@ -1,10 +1,8 @@
 //! Autocorrelation of a series with gaps, for all lags at once.
 //!
 //! R_j = (1/n_j) Σ (x_i − m)(x_{i−j} − m) over the n_j pairs in which both values are there [FIL-11]: the unbiased
-//! estimator, 1/(N − j) where nothing is missing. Computed by the fast Fourier transform of the series and of the
-//! mask of what is there; its rounding is 10⁻¹⁵ of R_0.
-use realfft::RealFftPlanner;
-use realfft::num_complex::Complex;
+//! estimator, 1/(N − j) where nothing is missing.
+use schuler_explain::statistics::{lagged_pairs, lagged_products};
 
 use super::series::about_mean;
 
@@ -38,40 +36,9 @@ pub fn autocorrelation(values: &[f64], last_lag: usize, centre: Centre) -> Autoc
         Centre::Zero => values.to_vec(),
         Centre::Mean => about_mean(values).1,
     };
-    let complete = values.iter().all(|value| value.is_finite());
-    let or_zero = |value: &f64| if value.is_finite() { *value } else { 0.0 };
-    let sums = lagged_sums(centred.iter().map(or_zero), values.len(), lags);
-    let pairs: Vec<usize> = if complete {
-        (0..lags).map(|lag| values.len() - lag).collect()
-    } else {
-        let mask = values.iter().map(|value| f64::from(u8::from(value.is_finite())));
-        lagged_sums(mask, values.len(), lags).into_iter().map(|pairs| pairs.round() as usize).collect()
-    };
+    let (sums, pairs) = (lagged_products(&centred, lags - 1), lagged_pairs(values, lags - 1));
     let mean_product = |(sum, &pairs): (f64, &usize)| if pairs > 0 { sum / pairs as f64 } else { f64::NAN };
     Autocorrelation { values: sums.into_iter().zip(&pairs).map(mean_product).collect(), pairs }
-}
-
-/// Σ x_i x_{i−j} for j = 0 … lags − 1.
-fn lagged_sums(values: impl Iterator<Item = f64>, count: usize, lags: usize) -> Vec<f64> {
-    let length = (count + lags).next_power_of_two();
-    let mut planner = RealFftPlanner::<f64>::new();
-    let (forward, inverse) = (planner.plan_fft_forward(length), planner.plan_fft_inverse(length));
-    let mut signal = forward.make_input_vec();
-    for (slot, value) in signal.iter_mut().zip(values) {
-        *slot = value;
-    }
-    let mut spectrum = forward.make_output_vec();
-    // Both transforms fail only for buffers of a wrong length, and these are made by the plans themselves.
-    if forward.process(&mut signal, &mut spectrum).is_err() {
-        return vec![f64::NAN; lags];
-    }
-    for bin in &mut spectrum {
-        *bin = Complex::new(bin.norm_sqr(), 0.0);
-    }
-    if inverse.process(&mut spectrum, &mut signal).is_err() {
-        return vec![f64::NAN; lags];
-    }
-    signal.into_iter().take(lags).map(|sum| sum / length as f64).collect()
 }
 
 #[cfg(test)]

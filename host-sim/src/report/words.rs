@@ -5,6 +5,7 @@ use schuler_explain::catalogue::{CATALOGUE, Effect};
 use schuler_explain::explanation::{
     BeforeAfter, Finding, Located, NoiseShift, Parameter, Remainder, Rival, Verdict,
 };
+use schuler_explain::sentence::{quoted as quoted_parameters, said};
 
 use super::Report;
 use super::number::{duration, plain, printed_unit, probability, quoted};
@@ -42,12 +43,10 @@ pub(super) fn verdict(verdict: Verdict) -> &'static str {
 pub(super) fn finding(finding: &Finding, length_s: f64) -> String {
     // The answer's own sentence is for those who have nothing but the answer.
     let Some(effect) = effect(&finding.effect) else { return finding.sentence.clone() };
-    let said = match effect.sentence.split_once("{sensor}") {
-        Some((before, after)) => format!("{before}{}{after}", finding.sensor),
-        None => format!("{} {}", finding.sensor, effect.sentence),
-    };
+    let said = said(effect, &finding.sensor, &finding.parameters);
+    let quoted = quoted_parameters(&finding.parameters);
     let (numbers, others): (Vec<&Parameter>, Vec<&Parameter>) =
-        finding.parameters.iter().partition(|it| it.text.is_none());
+        quoted.iter().partition(|it| it.text.is_none());
     let numbers: Vec<String> = numbers.iter().map(|it| parameter(it, numbers.len() == 1)).collect();
     let others: Vec<String> = others.iter().map(|it| parameter(it, false)).collect();
     let numbers = if numbers.is_empty() { String::new() } else { format!(": {}", numbers.join(", ")) };
@@ -196,7 +195,7 @@ pub(super) fn remainder(remainder: &Remainder) -> String {
 
 /// How much better it predicts what it never saw; none where nothing was held out.
 pub(super) fn held_out(fit: &BeforeAfter) -> Option<String> {
-    let BeforeAfter { before, after } = fit;
+    let BeforeAfter { before, after, .. } = fit;
     let known = before.rmse > 0.0 && after.rmse > 0.0 && before.rmse.is_finite() && after.rmse.is_finite();
     known.then(|| {
         let (from, to) = (plain(before.rmse, 3), plain(after.rmse, 3));
@@ -389,15 +388,15 @@ mod tests {
     fn worse_is_called_worse_and_nothing_is_said_of_nothing() {
         let good = Goodness { nll_per_sample: 1.42, rmse: 1.0, whiteness_p: 0.4, nis_mean: 1.0 };
         let bad = Goodness { nll_per_sample: 1.76, rmse: 1.39, ..good };
-        let better = held_out(&BeforeAfter { before: bad, after: good }).unwrap();
+        let better = held_out(&BeforeAfter { before: bad, after: good, ..BeforeAfter::default() }).unwrap();
         assert!(better.contains("prediction falls from 1.39 to 1.00"), "{better}");
-        let worse = held_out(&BeforeAfter { before: good, after: bad }).unwrap();
+        let worse = held_out(&BeforeAfter { before: good, after: bad, ..BeforeAfter::default() }).unwrap();
         assert!(worse.contains("prediction rises from 1.00 to 1.39"), "{worse}");
         assert!(
             better.contains("gains 0.340 nats") && worse.contains("loses 0.340 nats"),
             "{better} {worse}"
         );
-        let same = held_out(&BeforeAfter { before: good, after: good }).unwrap();
+        let same = held_out(&BeforeAfter { before: good, after: good, ..BeforeAfter::default() }).unwrap();
         assert!(same.contains("stays at 1.00"), "{same}");
         assert!(held_out(&BeforeAfter::default()).is_none());
     }

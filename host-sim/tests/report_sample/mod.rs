@@ -163,6 +163,7 @@ fn explanation(prefix: &str, names: &[String]) -> Explanation {
     let fit = BeforeAfter {
         before: Goodness { nll_per_sample: 1.7641, rmse: 1.392, whiteness_p: 2e-9, nis_mean: 1.74 },
         after: good,
+        ..BeforeAfter::default()
     };
     Explanation {
         format: FORMAT,
@@ -215,7 +216,7 @@ fn explanation(prefix: &str, names: &[String]) -> Explanation {
                 rivals: Vec::new(),
             },
         ],
-        fit: Fit { train: fit, held_out: fit },
+        fit: Fit { train: fit.clone(), held_out: fit },
         located: vec![
             Located {
                 sensor: names[0].clone(),

@@ -106,19 +106,19 @@ pub(super) const BIAS_RESTART: Effect = Effect {
     id: "bias_restart",
     formula: "a constant per run",
     sentence: "has another constant error after each switch-on",
-    needs: "several switch-ons in one record",
+    needs: "several switch-ons, or gaps that may hide them, in one record",
     separated_by: "more switch-ons at one temperature",
     source: "IEEE Std 528, repeatability from turn-on to turn-on",
     acts_on: any,
     candidates: |effect, inputs| {
-        if inputs.run_starts.len() < 2 {
+        if inputs.possible_run_starts.len() < 2 {
             return Vec::new();
         }
         at_each_instrument_place(effect, inputs, |place| {
             let plausible = Plausible::inertial([0.005, 0.1], [10.0, 100.0]);
-            let ends = inputs.run_starts.iter().skip(1).copied().chain([inputs.rows()]);
+            let ends = inputs.possible_run_starts.iter().skip(1).copied().chain([inputs.rows()]);
             // The first run is the one that the others differ from; its own constant is `bias_constant`.
-            let runs = inputs.run_starts.iter().copied().zip(ends).enumerate().skip(1);
+            let runs = inputs.possible_run_starts.iter().copied().zip(ends).enumerate().skip(1);
             let columns = runs.map(|(run, (start, end))| {
                 let values = (0..inputs.rows()).map(|row| f64::from(u8::from(row >= start && row < end)));
                 let name = format!("coefficient_run_{}", run + 1);

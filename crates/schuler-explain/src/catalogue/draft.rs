@@ -288,7 +288,8 @@ pub(super) fn logarithmic(low: f64, high: f64, per_decade: f64) -> Vec<f64> {
 /// The parameter `tau_s`, from `low` to `high` as far as steps and length of the record show it; none if they do not.
 pub(super) fn time_constant(inputs: &Inputs<'_>, low: f64, high: f64) -> Option<Nonlinear> {
     let duration_s = inputs.duration_s();
-    let low = low.min(duration_s / 20.0).max(2.0 * inputs.recording.step_s);
+    // In a short record what is faster shows as well.
+    let low = low.min(duration_s / 100.0).max(2.0 * inputs.recording.step_s);
     let grid = logarithmic(low, high.min(duration_s), 4.0);
     (grid.len() > 1).then_some(Nonlinear { name: "tau_s", unit: "s", grid })
 }

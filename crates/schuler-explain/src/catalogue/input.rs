@@ -230,18 +230,21 @@ fn squared(place: &Place) -> Per {
     if accelerometers(place.kind) { G_SQUARED } else { RATE_SQUARED }
 }
 
-/// A small rotation ε of a whole instrument: each axis a becomes a + ε × a, so its sensor reads ε·(a × u) more.
+/// A small rotation ε of a whole instrument: each axis a becomes a + ε × a, so its sensor reads ε·(a × u) more. Offered
+/// about all three body axes at once and about each alone: most mountings are wrong about one, and three amplitudes
+/// where one suffices lose to a single sensor's.
 fn mounting(
     effect: &'static Effect,
     inputs: &Inputs<'_>,
     instrument: &Instrument<'_>,
-) -> Option<super::Candidate> {
-    let Target::Group { .. } = &instrument.target else { return None };
-    let first = instrument.places.first()?;
+) -> Vec<super::Candidate> {
+    let (Target::Group { .. }, Some(first)) = (&instrument.target, instrument.places.first()) else {
+        return Vec::new();
+    };
     let parallel =
         (instrument.places.iter()).all(|place| place.axes.input.cross(&first.axes.input).norm() < 1e-3);
     if parallel {
-        return None;
+        return Vec::new();
     }
     let columns = [("angle_x", Vector3::x()), ("angle_y", Vector3::y()), ("angle_z", Vector3::z())];
     let columns = columns.map(|(name, about)| {
@@ -252,11 +255,14 @@ fn mounting(
         let plausible = Some([5.0, if first.micromechanical { 6e4 } else { 3600.0 }]);
         (Column { parts: parts.collect() }, number(name, "arcsec", RADIAN_IN_ARCSECONDS, plausible))
     });
-    let moves = columns.iter().any(|(column, _)| column.parts.iter().any(|(_, values)| varies(values)));
-    if !moves {
-        return None;
+    let shown = |column: &Column| column.parts.iter().any(|(_, values)| varies(values));
+    if !columns.iter().any(|(column, _)| shown(column)) {
+        return Vec::new();
     }
-    let (signature, amplitudes) = seen(columns.to_vec());
-    let target = instrument.target.clone();
-    Some(Draft::new(Search::Linear(signature), amplitudes).of(effect, target, first.port))
+    let draft = |columns: Vec<(Column, super::Amplitude)>| {
+        let (signature, amplitudes) = seen(columns);
+        Draft::new(Search::Linear(signature), amplitudes).of(effect, instrument.target.clone(), first.port)
+    };
+    let alone = columns.iter().filter(|(column, _)| shown(column)).map(|column| draft(vec![column.clone()]));
+    std::iter::once(draft(columns.to_vec())).chain(alone).collect()
 }

@@ -2,22 +2,25 @@
 //!
 //! Sensors of one group share them, and the finding is the group's; a sensor without a group has them alone.
 use nalgebra::Vector3;
+use schuler_recording::case::MotionKind;
 use schuler_recording::motion::earth;
 use schuler_recording::unit::Dimension;
 
 use super::draft::{Draft, Instrument, any, displaced, gyros, instruments, logarithmic, number, seen};
 use super::input::varying;
 use super::{Candidate, Column, Effect, Nonlinear, Port, Search, Signature, Target};
-use crate::inputs::motion::{of_rows, row_of};
+use crate::inputs::motion::{along, of_rows, row_of};
 use crate::inputs::series::{delayed, lagged_smooth, varies};
 use crate::inputs::{Inputs, Place, Series};
 
-/// Delays searched, s.
-const DELAYS_S: [f64; 2] = [1e-3, 2.0];
+/// Delays searched, s: from what a precise sensor shows in a fast motion.
+const DELAYS_S: [f64; 2] = [1e-5, 2.0];
 /// Points in a decade of delays or lags.
 const PER_DECADE: f64 = 3.0;
+/// How far beyond an end of the record an input goes straight on, steps.
+const STRAIGHT_ON_STEPS: f64 = 2.0;
 /// Smallest lag searched, s.
-const LEAST_LAG_S: f64 = 1e-3;
+const LEAST_LAG_S: f64 = 1e-5;
 /// Largest lag of inertial sensors and of velocities.
 const MOST_LAG_S: [f64; 2] = [0.6, 2.0];
 
@@ -35,19 +38,47 @@ pub(super) const TIME_DELAY: Effect = Effect {
         if late.len() < 2 {
             return Vec::new();
         }
-        // The reference can be the late one.
-        let grid: Vec<f64> = late.iter().rev().map(|delay| -delay).chain(late.iter().copied()).collect();
-        whole(
-            effect,
-            inputs,
-            |_| Nonlinear { name: "delay_s", unit: "s", grid: grid.clone() },
-            |time_s, input, delay_s| {
-                let late = delayed(time_s, input, delay_s);
-                late.zip(input).map(|(late, now)| late.map_or(0.0, |late| late - now)).collect()
-            },
-        )
+        // The reference can be the late one; an accelerometer in a loop has none.
+        let either: Vec<f64> = late.iter().rev().map(|delay| -delay).chain(late.iter().copied()).collect();
+        let grid = |place: &Place| if place.port == Port::Output { either.clone() } else { late.clone() };
+        let delay = |place: &Place| Nonlinear { name: "delay_s", unit: "s", grid: grid(place) };
+        let signature = |time_s: &[f64], input: &[f64], delay_s: f64| -> Vec<f64> {
+            let late = delayed(time_s, input, delay_s);
+            let beyond = straight_on(time_s, input, delay_s);
+            let late = late.zip(beyond).map(|(late, beyond)| late.unwrap_or(beyond));
+            late.zip(input).map(|(late, now)| late - now).collect()
+        };
+        let mut found = whole(effect, inputs, delay, signature);
+        found.extend(inputs.places.iter().filter_map(|place| {
+            let input = reference_in_loop(inputs, place)?;
+            let of_loop = Place { input: Some(input), ..place.clone() };
+            let instrument = Instrument { target: Target::Sensor(place.sensor), places: vec![&of_loop] };
+            shared(effect, inputs, &instrument, delay(place), signature)
+        }));
+        found
     },
 };
+
+/// What the reference adds to the difference of velocities that a Schuler loop explains: its velocity with a minus, from
+/// the specific force, up to a constant. A reference that comes late by d makes the difference larger by the change of
+/// velocity over d.
+fn reference_in_loop(inputs: &Inputs<'_>, place: &Place) -> Option<Series> {
+    let in_loop = inputs.recording.case.motion.kind == MotionKind::VelocityError;
+    if !in_loop || place.port != Port::Output || place.input.is_some() {
+        return None;
+    }
+    let force = along(&place.axes.input, inputs.motion.force.as_ref()?);
+    let mut velocity = 0.0;
+    let steps = inputs.time_s.windows(2).zip(force.windows(2));
+    let changes = steps.map(|(time_s, force)| 0.5 * (force[0] + force[1]) * (time_s[1] - time_s[0]));
+    let reference: Vec<f64> = std::iter::once(0.0)
+        .chain(changes.map(|change| {
+            velocity -= change;
+            velocity
+        }))
+        .collect();
+    varies(&reference).then(|| reference.into())
+}
 
 pub(super) const BANDWIDTH_LAG: Effect = Effect {
     id: "bandwidth_lag",
@@ -209,6 +240,23 @@ fn shared(
     let search = Search::Grid { parameters: vec![parameter], signature: Box::new(of), unit_amplitude: true };
     let draft = Draft::new(search, vec![number("part", "1", 1.0, None)]);
     Some(draft.of(effect, instrument.target.clone(), port))
+}
+
+/// The input straight on from the end of the record at which t − d lies beyond it, by a step's slope and no further than
+/// [`STRAIGHT_ON_STEPS`]: there to say that nothing is late would leave the whole of what the delay does as an error at
+/// the edge, which drifts and steps then explain.
+fn straight_on(time_s: &[f64], input: &[f64], delay_s: f64) -> impl Iterator<Item = f64> {
+    let end = if delay_s < 0.0 { time_s.len().saturating_sub(2) } else { 0 };
+    let at = |values: &[f64], row: usize| values.get(row).copied().unwrap_or_default();
+    let (from, value) = (at(time_s, end), at(input, end));
+    let step_s = at(time_s, end + 1) - from;
+    let slope = if step_s > 0.0 { (at(input, end + 1) - value) / step_s } else { 0.0 };
+    let (most, last) = (STRAIGHT_ON_STEPS * step_s, if delay_s < 0.0 { step_s } else { 0.0 });
+    time_s
+        .iter()
+        .map(move |time| value + slope * (time - delay_s - from).clamp(last - most, last + most))
+        .collect::<Vec<f64>>()
+        .into_iter()
 }
 
 /// The body's rate over the Earth: less the Earth's own where the attitude is known.

@@ -31,6 +31,47 @@ pub use effect::{
     Signature, SignatureOf, Target,
 };
 
+/// Effects whose signatures are of the motion: what an instrument's readings make of it comes as late as the readings.
+const OF_THE_MOTION: &[&str] = &[
+    input::DEAD_ZONE.id,
+    input::SCALE_FACTOR.id,
+    input::SCALE_FACTOR_ASYMMETRY.id,
+    input::SCALE_FACTOR_QUADRATIC.id,
+    input::SCALE_FACTOR_CUBIC.id,
+    input::SCALE_FACTOR_ODD_QUADRATIC.id,
+    input::MISALIGNMENT.id,
+    input::CROSS_COUPLING.id,
+    thermal::SCALE_FACTOR_TEMPERATURE.id,
+    thermal::MISALIGNMENT_TEMPERATURE.id,
+    thermal::G_MASS_UNBALANCE_TEMPERATURE.id,
+    g_sensitivity::G_MASS_UNBALANCE.id,
+    g_sensitivity::G_QUADRATURE.id,
+    g_sensitivity::G_SPIN.id,
+    g_sensitivity::G2_ANISOELASTICITY.id,
+    g_sensitivity::G2_CROSS.id,
+    rotation::TORQUER_SELF_HEATING.id,
+    rotation::POST_G_TRANSIENT.id,
+    rotation::ANISOINERTIA.id,
+    rotation::ANGULAR_ACCELERATION.id,
+    rotation::RATE_CROSS_AXIS.id,
+    rotation::CONING_SCULLING.id,
+    instrument::BANDWIDTH_LAG.id,
+    instrument::LEVER_ARM.id,
+    instrument::EARTH_RATE_ATTITUDE.id,
+];
+
+impl Effect {
+    /// Whether its signature is of the motion.
+    pub fn is_of_the_motion(&self) -> bool {
+        OF_THE_MOTION.contains(&self.id)
+    }
+
+    /// Whether its one parameter is a delay of the readings.
+    pub fn is_a_delay(&self) -> bool {
+        self.id == instrument::TIME_DELAY.id
+    }
+}
+
 /// Every effect known.
 pub const CATALOGUE: &[Effect] = &[
     additive::BIAS_CONSTANT,

@@ -14,12 +14,14 @@ use crate::inputs::{Inputs, Place, Series, Thermometer};
 
 /// Range of temperature that a square needs, K: of instruments, and of micromechanical sensors.
 const RANGE_FOR_SQUARE: [f64; 2] = [5.0, 2.0];
-/// Range that a cube needs.
-const RANGE_FOR_CUBE: [f64; 2] = [10.0, 4.0];
+/// Range that a cube needs: where a square is offered a cube may look the same, and must not be passed over.
+const RANGE_FOR_CUBE: [f64; 2] = [5.0, 2.0];
 /// How far beyond the range an unknown reference of a square is searched, in ranges.
 const REFERENCE_BEYOND: f64 = 0.75;
 /// Points of that search.
 const REFERENCE_POINTS: usize = 11;
+/// References far outside, in ranges beyond the ends: from the last on a power is a straight line.
+const REFERENCE_FAR: [f64; 3] = [1.5, 3.0, 6.0];
 /// Turns of the temperature that hysteresis needs, each by this part of the range.
 const TURNS: usize = 2;
 const TURN_PART: f64 = 0.2;
@@ -95,7 +97,7 @@ pub(super) const BIAS_TEMPERATURE_RATE: Effect = Effect {
         // 0.01–0.5 °/h per K/min.
         let plausible = Plausible { gyro: Some([0.01 / 60.0, 0.5 / 60.0]), ..Plausible::UNKNOWN };
         per_thermometer(effect, inputs, |place, thermometer| {
-            if !thermometer.rate_varies() {
+            if !thermometer.rate_shows() {
                 return Vec::new();
             }
             let values = thermometer.rate.to_vec();
@@ -308,7 +310,10 @@ fn power(
     let [least, most] = crate::inputs::series::extremes(&temperature);
     let beyond = REFERENCE_BEYOND * (most - least);
     let step = (most - least + 2.0 * beyond) / (REFERENCE_POINTS - 1) as f64;
-    let grid = (0..REFERENCE_POINTS).map(|k| least - beyond + step * k as f64).collect();
+    let far = REFERENCE_FAR.map(|ranges| ranges * (most - least));
+    let near = (0..REFERENCE_POINTS).map(|k| least - beyond + step * k as f64);
+    let (below, above) = (far.iter().rev().map(|by| least - by), far.iter().map(|by| most + by));
+    let grid = below.chain(near).chain(above).collect();
     let parameter = Nonlinear { name: "reference_degC", unit: "degC", grid };
     vec![Draft::grid(place, parameter, amplitude, move |reference| {
         map(&temperature, |t| (t - reference).powi(exponent))

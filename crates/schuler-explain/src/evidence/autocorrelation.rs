@@ -1,8 +1,7 @@
 //! Autocorrelation of standardised innovations, with the band in which white noise would lie.
 //!
-//! r_j = R_j/R_0 about zero, R_j the mean over the pairs that are there; by the fast Fourier transform of the series and
-//! of the mask of what is there. White noise lies within ±1.96/√n_j 95 % of the time (Box & Jenkins, Bartlett's formula).
-use realfft::RealFftPlanner;
+//! r_j = R_j/R_0 about zero, R_j the mean over the pairs that are there. White noise lies within ±1.96/√n_j 95 % of the time (Box & Jenkins, Bartlett's formula).
+use crate::statistics::{lagged_pairs, lagged_products};
 
 /// Two-sided 95 % of the normal distribution.
 const TWO_SIDED_95: f64 = 1.959_963_984_540_054;
@@ -43,46 +42,19 @@ pub fn autocorrelation(values: &[f64], step_s: f64, lags: usize) -> Autocorrelat
     if lags == 0 {
         return Autocorrelation::default();
     }
-    let or_zero = |value: &f64| if value.is_finite() { *value } else { 0.0 };
-    let products = lagged_products(values.iter().map(or_zero), values.len(), lags);
-    let mask = values.iter().map(|value| f64::from(u8::from(value.is_finite())));
-    let pairs = lagged_products(mask, values.len(), lags);
+    let (products, pairs) = (lagged_products(values, lags), lagged_pairs(values, lags));
     let variance = match (products.first(), pairs.first()) {
-        (Some(sum), Some(count)) => sum / count,
+        (Some(sum), Some(&count)) => sum / count as f64,
         _ => f64::NAN,
     };
     let mut found = Autocorrelation::default();
-    for (lag, (sum, count)) in products.iter().zip(&pairs).enumerate().skip(1) {
-        let count = count.round();
-        let there = count >= 1.0;
+    for (lag, (sum, &pairs)) in products.iter().zip(&pairs).enumerate().skip(1) {
+        let (count, there) = (pairs as f64, pairs > 0);
         found.lag_s.push(lag as f64 * step_s);
         found.correlation.push(if there { sum / count / variance } else { f64::NAN });
         found.band.push(if there { TWO_SIDED_95 / count.sqrt() } else { f64::NAN });
     }
     found
-}
-
-/// Σ x_i x_{i−j} for j = 0 … `lags`.
-fn lagged_products(values: impl Iterator<Item = f64>, count: usize, lags: usize) -> Vec<f64> {
-    let length = (count + lags + 1).next_power_of_two();
-    let mut planner = RealFftPlanner::<f64>::new();
-    let (forward, inverse) = (planner.plan_fft_forward(length), planner.plan_fft_inverse(length));
-    let mut signal = forward.make_input_vec();
-    for (slot, value) in signal.iter_mut().zip(values) {
-        *slot = value;
-    }
-    let mut spectrum = forward.make_output_vec();
-    // The transforms fail only for buffers of another length than they have made themselves.
-    if forward.process(&mut signal, &mut spectrum).is_err() {
-        return Vec::new();
-    }
-    for bin in &mut spectrum {
-        *bin = bin.norm_sqr().into();
-    }
-    if inverse.process(&mut spectrum, &mut signal).is_err() {
-        return Vec::new();
-    }
-    signal.iter().take(lags + 1).map(|sum| sum / length as f64).collect()
 }
 
 #[cfg(test)]

@@ -35,6 +35,9 @@ use series::{bridged, mean, range};
 const RESTART_S: f64 = 300.0;
 /// See [`RESTART_S`].
 const RESTART_STEPS: usize = 20;
+/// A gap of so many steps may hide a switch-off that was short; the most of them, the longest, that are asked.
+const SHORT_RESTART_STEPS: usize = 3;
+const MOST_RESTARTS: usize = 12;
 /// An auxiliary quantity varies if it moves by more than this many of its steps.
 const AUXILIARY_STEPS: f64 = 3.0;
 /// Or if it changes more seldom than in this part of the rows: it was switched, and does not flicker.
@@ -59,6 +62,8 @@ pub struct Inputs<'r> {
     pub auxiliaries: Vec<AuxiliaryInput>,
     /// Row in which each run from switch-on to switch-off begins; the first is 0.
     pub run_starts: Vec<usize>,
+    /// The same with the gaps that may hide a short switch-off.
+    pub possible_run_starts: Vec<usize>,
 }
 
 /// A recorded quantity other than a temperature.
@@ -135,7 +140,13 @@ impl<'r> Inputs<'r> {
                 long.then_some(gap.first + gap.missing)
             }))
             .collect();
-        Self { recording, time_s, motion, places, thermometers, auxiliaries, run_starts }
+        let mut gaps: Vec<_> =
+            recording.gaps.iter().filter(|gap| gap.missing >= SHORT_RESTART_STEPS).collect();
+        gaps.sort_by_key(|gap| std::cmp::Reverse(gap.missing));
+        let longest = gaps.into_iter().take(MOST_RESTARTS).map(|gap| gap.first + gap.missing);
+        let mut possible_run_starts: Vec<usize> = std::iter::once(0).chain(longest).collect();
+        possible_run_starts.sort_unstable();
+        Self { recording, time_s, motion, places, thermometers, auxiliaries, run_starts, possible_run_starts }
     }
 
     /// Length of the record, s.
@@ -229,22 +240,30 @@ impl<'r> Inputs<'r> {
             .collect()
     }
 
-    /// Differences of two thermometers near a place: its own against the others of its group and against those that
-    /// sit nowhere in particular, and its own against each other.
+    /// Differences of two thermometers near a place: its own against each other and against all others but those at the
+    /// electronics, the others of its group first, then the nearest.
     pub fn gradients_at(&self, place: &Place) -> Vec<Gradient> {
         let own = self.thermometers_at(place);
-        let mut near: Vec<&Thermometer> = own.clone();
         let mates: Vec<Option<&str>> = (self.recording.sensors.iter())
             .filter(|series| place.group.is_some() && series.sensor.group == place.group)
             .map(|series| Some(series.sensor.id.as_str()))
             .chain([None])
             .chain(place.group.as_deref().map(Some))
             .collect();
-        near.extend(self.thermometers.iter().filter(|thermometer| {
-            mates.contains(&thermometer.near.as_deref())
-                && !at_electronics(thermometer)
-                && own.iter().all(|own| own.column != thermometer.column)
-        }));
+        let distance = |thermometer: &Thermometer| -> f64 {
+            let to = |own: &&Thermometer| {
+                let (a, b) = own.position_m.zip(thermometer.position_m)?;
+                Some((Vector3::from(b) - Vector3::from(a)).norm())
+            };
+            own.iter().filter_map(to).fold(f64::INFINITY, f64::min)
+        };
+        let mut others: Vec<(bool, f64, &Thermometer)> = (self.thermometers.iter())
+            .filter(|it| !at_electronics(it) && own.iter().all(|own| own.column != it.column))
+            .map(|it| (!mates.contains(&it.near.as_deref()), distance(it), it))
+            .collect();
+        others.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        let mut near: Vec<&Thermometer> = own.clone();
+        near.extend(others.into_iter().map(|(_, _, thermometer)| thermometer));
         let mut gradients = Vec::new();
         for (index, first) in near.iter().enumerate().take(own.len()) {
             for second in near.iter().skip(index + 1) {

@@ -120,8 +120,9 @@ impl BodyMotion {
     }
 
     fn of_sensors(recording: &Recording, time_s: &[f64]) -> Self {
-        let estimate =
-            |dimension| redundant::estimate(recording, dimension).and_then(|columns| fill(time_s, &columns));
+        let estimate = |dimension| {
+            redundant::estimate(recording, time_s, dimension).and_then(|columns| fill(time_s, &columns))
+        };
         Self {
             rate: estimate(Dimension::AngularRate),
             force: estimate(Dimension::Acceleration),

@@ -3,6 +3,10 @@
 //! Where fewer than three independent axes are there, the estimate is the shortest that fits, whose component along
 //! every sensor's axis is still that of the least-squares fit. For a Doppler log beside an inertial system, which
 //! measure one quantity, it is their weighted mean.
+//!
+//! The estimate is then smoothed: its white noise is the sensors' own, which is in their difference as well, so that a
+//! lag or a delay of the noise would be found where there is none. What changes from row to row more than the noise does
+//! stays.
 use std::collections::HashMap;
 
 use nalgebra::{Matrix3xX, MatrixXx3, Vector3};
@@ -10,11 +14,14 @@ use schuler_recording::Recording;
 use schuler_recording::case::Sensor;
 use schuler_recording::unit::Dimension;
 
+use super::series::range;
+use super::smoother::{Measurement, process_noise, smooth};
+
 /// Singular values below this part of the largest are 0.
 const RANK_TOLERANCE: f64 = 1e-6;
 
 /// Motion of the given dimension in body axes, SI units; NaN where no sensor has a reading. None without sensors.
-pub fn estimate(recording: &Recording, dimension: Dimension) -> Option<[Vec<f64>; 3]> {
+pub fn estimate(recording: &Recording, time_s: &[f64], dimension: Dimension) -> Option<[Vec<f64>; 3]> {
     let sensors: Vec<_> =
         recording.sensors.iter().filter(|series| series.sensor.kind.dimension() == dimension).collect();
     if sensors.is_empty() {
@@ -23,7 +30,9 @@ pub fn estimate(recording: &Recording, dimension: Dimension) -> Option<[Vec<f64>
     let axes: Vec<Vector3<f64>> = sensors.iter().map(|series| axis_of(&series.sensor)).collect();
     let weights: Vec<f64> = sensors.iter().map(|series| 1.0 / noise_of(&series.sensor)).collect();
     let mut solutions: HashMap<Vec<bool>, Matrix3xX<f64>> = HashMap::new();
+    let white: Vec<f64> = sensors.iter().map(|series| white_variance(&series.sensor)).collect();
     let mut columns = [(); 3].map(|()| Vec::with_capacity(recording.len()));
+    let mut variances = [(); 3].map(|()| Vec::with_capacity(recording.len()));
     let mut present = vec![false; sensors.len()];
     let mut last: Option<Vec<bool>> = None;
     for row in 0..recording.len() {
@@ -37,16 +46,50 @@ pub fn estimate(recording: &Recording, dimension: Dimension) -> Option<[Vec<f64>
             last = Some(present.clone());
         }
         let mut sum = Vector3::repeat(if present.contains(&true) { 0.0 } else { f64::NAN });
+        let mut variance = Vector3::zeros();
         if let Some(solution) = solutions.get(&present) {
             for (index, series) in sensors.iter().enumerate().filter(|&(index, _)| present[index]) {
                 sum += solution.column(index) * (series.values[row] - series.sensor.nominal.bias);
+                variance += solution.column(index).map(|weight| weight * weight * white[index]);
             }
+        }
+        for (column, value) in variances.iter_mut().zip(variance.iter()) {
+            column.push(*value);
         }
         for (column, value) in columns.iter_mut().zip(sum.iter()) {
             column.push(*value);
         }
     }
+    for (column, variances) in columns.iter_mut().zip(&variances) {
+        smoothed(time_s, column, variances);
+    }
     Some(columns)
+}
+
+/// Takes white noise of known variance out of a series, as far as the series itself changes less from row to row.
+fn smoothed(time_s: &[f64], values: &mut [f64], variances: &[f64]) {
+    let measurements: Vec<Measurement> = (values.iter().zip(variances).enumerate())
+        .filter(|(_, (value, variance))| value.is_finite() && **variance > 0.0)
+        .map(|(row, (&value, &variance))| Measurement { row, before_s: 0.0, value, variance })
+        .collect();
+    let known: Vec<f64> = measurements.iter().map(|measurement| measurement.value).collect();
+    let scale = range(&known);
+    let finite = values.iter().filter(|value| value.is_finite()).count();
+    if scale == 0.0 || measurements.len() < finite {
+        return;
+    }
+    let (process, _) = process_noise(time_s, &measurements, scale);
+    let smoothed = smooth(time_s, &measurements, process, scale);
+    for (value, smoothed) in values.iter_mut().zip(smoothed.value) {
+        if value.is_finite() && smoothed.is_finite() {
+            *value = smoothed;
+        }
+    }
+}
+
+/// Variance of the sensor's white noise and rounding.
+fn white_variance(sensor: &Sensor) -> f64 {
+    sensor.nominal.white.powi(2) + sensor.quantisation.powi(2) / 12.0
 }
 
 /// Axis of a sensor; a velocity without one is along x.

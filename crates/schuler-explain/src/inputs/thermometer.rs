@@ -86,6 +86,12 @@ impl Thermometer {
         self.varies() && series::deviation(&self.rate) > series::mean(&self.rate_variance).sqrt()
     }
 
+    /// Whether its rate is known to be other than 0. A steady one acts like a constant bias, and no less than that.
+    pub fn rate_shows(&self) -> bool {
+        let square = series::deviation(&self.rate).powi(2) + series::mean(&self.rate).powi(2);
+        self.varies() && square > series::mean(&self.rate_variance)
+    }
+
     /// Part of the variance of the true rate that its estimate has. A coefficient on the estimate is not attenuated
     /// by it (the estimate is a posterior mean); one on a raw difference is.
     pub fn reliability_of_rate(&self) -> f64 {

@@ -1,0 +1,395 @@
+//! The gain of a filter over a stretch without missing rows, by a few of its rows.
+//!
+//! The covariance that is predicted s steps on, P(k+s) = Q + A P(k) (1 + G P(k))⁻¹ Aᵀ, has the form of that of one step,
+//! for which A = Φ and G = HᵀR⁻¹H; that of twice as many steps follows by the doubling of Anderson (1978) and Chu, Fan &
+//! Lin (2005). Slow noise keeps a gain from settling for most of a record, but the longer it has been going on the slower
+//! it changes: between rows that are computed exactly it is a cubic. Their distance is doubled when cubics through every
+//! second of them give those between to [`INTERPOLATED`], so that an oscillation is seen long before it is stepped over.
+use std::collections::VecDeque;
+
+use nalgebra::DMatrix;
+
+use crate::whiten::Space;
+
+/// Error of a gain, as a part of its largest value near by, where it is interpolated at twice the distance; at the
+/// distance itself it is a sixteenth.
+const INTERPOLATED: f64 = 3e-6;
+/// Change from one computed row to the next, as a part of the value, below which a gain has settled.
+const SETTLED: f64 = 1e-9;
+/// Computed rows by which it is decided whether their distance can be doubled.
+const JUDGED: usize = 9;
+
+/// Covariance over a number of steps; states in units of their own spread.
+struct Steps {
+    states: usize,
+    transition: Vec<f64>,
+    information: Vec<f64>,
+    driven: Vec<f64>,
+}
+
+/// Gains at rows that were computed.
+struct Computed {
+    row: usize,
+    gain: Vec<f64>,
+    log_variance: f64,
+}
+
+/// Gains over a stretch.
+pub struct Course {
+    /// Gains of the rows up to the one from which on it is settled, one after the other.
+    pub gains: Vec<f64>,
+    /// ln det S of the same rows.
+    pub log_variances: Vec<f64>,
+    /// Covariance predicted for the row after the stretch.
+    pub covariance: Vec<f64>,
+}
+
+/// The course of the gain over `rows` rows that are all present, from the predicted `covariance`; `measure` gives the gain
+/// and ln det S for a predicted covariance. `None` where the white noise is singular or something is not finite.
+pub fn course(
+    space: &Space,
+    white: &[f64],
+    covariance: &[f64],
+    rows: usize,
+    mut measure: impl FnMut(&[f64], &mut Vec<f64>) -> Option<f64>,
+) -> Option<Course> {
+    let units = units(space, covariance);
+    let mut doubled = vec![Steps::one(space, white, &units)?];
+    let mut scaled = with_units(covariance, &units, |value, unit| value / unit);
+    let mut work = Work::default();
+    let mut natural = covariance.to_vec();
+    let mut computed: Vec<Computed> = Vec::new();
+    // The last computed rows of the present distance.
+    let mut judged: VecDeque<usize> = VecDeque::new();
+    let (mut row, mut power) = (0, 0);
+    let mut settled = false;
+    loop {
+        let mut gain = Vec::new();
+        let log_variance = measure(&natural, &mut gain)?;
+        if !log_variance.is_finite() {
+            return None;
+        }
+        settled = settled || computed.last().is_some_and(|last| change(&last.gain, &gain) < SETTLED);
+        judged.push_back(computed.len());
+        computed.push(Computed { row, gain, log_variance });
+        if settled || row + 1 >= rows {
+            break;
+        }
+        if judged.len() == JUDGED {
+            let at = |place: usize| &computed[judged[place]].gain;
+            let smooth = [1, 3, 5, 7].into_iter().all(|place| {
+                let first = if place == 1 { 0 } else { (place - 3).min(2) };
+                let nodes = [first, first + 2, first + 4, first + 6];
+                let weights = lagrange(nodes.map(|node| node as f64), place as f64);
+                agrees(nodes.map(at), weights, at(place))
+            });
+            if smooth {
+                if power + 1 == doubled.len() {
+                    let next = doubled[power].doubled()?;
+                    doubled.push(next);
+                }
+                power += 1;
+                let every_second = judged.iter().copied().step_by(2).collect();
+                judged = every_second;
+            } else {
+                judged.pop_front();
+            }
+        }
+        doubled[power].apply(&mut scaled, &mut work)?;
+        row += 1 << power;
+        natural = with_units(&scaled, &units, |value, unit| value * unit);
+    }
+    // Where the stretch ends.
+    if !settled && row != rows {
+        // The last computed row is beyond the end; from the start by powers of two.
+        let mut left = rows;
+        scaled = with_units(covariance, &units, |value, unit| value / unit);
+        while left > 0 {
+            let power = (left.ilog2() as usize).min(doubled.len() - 1);
+            doubled[power].apply(&mut scaled, &mut work)?;
+            left -= 1 << power;
+        }
+        natural = with_units(&scaled, &units, |value, unit| value * unit);
+    }
+    let (gains, log_variances) = between(&computed, rows);
+    let finite = gains.iter().all(|value| value.is_finite());
+    finite.then_some(Course { gains, log_variances, covariance: natural })
+}
+
+/// A matrix by rows, in other units.
+fn with_units(matrix: &[f64], units: &[f64], by: impl Fn(f64, f64) -> f64) -> Vec<f64> {
+    let n = units.len();
+    matrix.iter().enumerate().map(|(flat, &value)| by(by(value, units[flat / n]), units[flat % n])).collect()
+}
+
+/// The spread of each state.
+fn units(space: &Space, covariance: &[f64]) -> Vec<f64> {
+    let n = space.states;
+    let spread = |i: usize| space.start[i * n + i].max(space.driven[i * n + i]).max(covariance[i * n + i]);
+    (0..n).map(|i| if spread(i) > 0.0 { spread(i).sqrt() } else { 1.0 }).collect()
+}
+
+/// Largest change of a gain, as a part of its largest values.
+fn change(before: &[f64], now: &[f64]) -> f64 {
+    let relative = before.iter().zip(now).map(|(before, now)| {
+        let size = before.abs().max(now.abs());
+        if size > 0.0 { (now - before).abs() / size } else { 0.0 }
+    });
+    relative.fold(0.0, f64::max)
+}
+
+/// Whether an interpolation gives a gain.
+fn agrees(nodes: [&Vec<f64>; 4], weights: [f64; 4], gain: &[f64]) -> bool {
+    gain.iter().enumerate().all(|(place, value)| {
+        let values = nodes.map(|node| node[place]);
+        let found: f64 = values.iter().zip(weights).map(|(value, weight)| value * weight).sum();
+        let size = values.iter().fold(value.abs(), |size, value| size.max(value.abs()));
+        (found - value).abs() <= INTERPOLATED * size
+    })
+}
+
+/// Weights of the cubic through four places.
+fn lagrange(places: [f64; 4], at: f64) -> [f64; 4] {
+    std::array::from_fn(|i| {
+        (0..4).filter(|&j| j != i).map(|j| (at - places[j]) / (places[i] - places[j])).product()
+    })
+}
+
+/// Gains and ln det S of all rows up to the last one computed, or to the end of the stretch.
+fn between(computed: &[Computed], rows: usize) -> (Vec<f64>, Vec<f64>) {
+    let size = computed.first().map_or(0, |first| first.gain.len());
+    let number = computed.last().map_or(0, |last| last.row + 1).min(rows);
+    let (mut gains, mut log_variances) = (Vec::with_capacity(number * size), Vec::with_capacity(number));
+    for (place, here) in computed.iter().enumerate() {
+        if here.row >= number {
+            break;
+        }
+        gains.extend_from_slice(&here.gain);
+        log_variances.push(here.log_variance);
+        let Some(next) = computed.get(place + 1).filter(|next| next.row > here.row + 1) else { continue };
+        // Rows in between are only left out after more than four were computed.
+        let first = place.saturating_sub(1).min(computed.len().saturating_sub(4));
+        let [a, b, c, d] = std::array::from_fn(|index| &computed[(first + index).min(computed.len() - 1)]);
+        let places = [a, b, c, d].map(|node| node.row as f64);
+        let scales: [f64; 4] = std::array::from_fn(|i| {
+            (0..4).filter(|&j| j != i).map(|j| places[i] - places[j]).product::<f64>().recip()
+        });
+        for row in here.row + 1..next.row.min(number) {
+            let [pa, pb, pc, pd] = places.map(|place| row as f64 - place);
+            let [wa, wb, wc, wd] = [
+                pb * pc * pd * scales[0],
+                pa * pc * pd * scales[1],
+                pa * pb * pd * scales[2],
+                pa * pb * pc * scales[3],
+            ];
+            let pairs = a.gain.iter().zip(&b.gain).zip(c.gain.iter().zip(&d.gain));
+            gains.extend(pairs.map(|((a, b), (c, d))| wa * a + wb * b + wc * c + wd * d));
+            log_variances
+                .push(wa * a.log_variance + wb * b.log_variance + wc * c.log_variance + wd * d.log_variance);
+        }
+    }
+    (gains, log_variances)
+}
+
+/// Room to work in.
+#[derive(Default)]
+struct Work {
+    left: Vec<f64>,
+    right: Vec<f64>,
+}
+
+impl Steps {
+    /// One step: a measurement and the transition after it.
+    fn one(space: &Space, white: &[f64], units: &[f64]) -> Option<Self> {
+        let (n, m) = (space.states, space.channels);
+        let seen = DMatrix::from_fn(m, n, |c, i| space.seen[c * n + i] * units[i]);
+        let white = DMatrix::from_row_slice(m, m, white);
+        // R⁻¹ only where it is far from singular.
+        let root = white.clone().cholesky()?;
+        let singular = (0..m).any(|c| root.l_dirty()[(c, c)].powi(2) < 1e-9 * white[(c, c)]);
+        if singular {
+            return None;
+        }
+        let information = seen.transpose() * root.solve(&seen);
+        Some(Self {
+            states: n,
+            transition: (0..n * n)
+                .map(|flat| space.transition[flat] * units[flat % n] / units[flat / n])
+                .collect(),
+            information: by_rows(&information),
+            driven: with_units(&space.driven, units, |value, unit| value / unit),
+        })
+    }
+
+    /// Twice as many steps.
+    fn doubled(&self) -> Option<Self> {
+        let n = self.states;
+        let matrix = |values: &[f64]| DMatrix::from_row_slice(n, n, values);
+        let (a, g, q) = (matrix(&self.transition), matrix(&self.information), matrix(&self.driven));
+        let unit = DMatrix::identity(n, n);
+        // (1 + Q G)⁻¹, and its transpose (1 + G Q)⁻¹.
+        let inverse = (unit + &q * &g).try_inverse()?;
+        let driven = &q + &a * &inverse * &q * a.transpose();
+        let information = &g + a.transpose() * inverse.transpose() * &g * &a;
+        let halves = |m: DMatrix<f64>| 0.5 * (&m + m.transpose());
+        Some(Self {
+            states: n,
+            transition: by_rows(&(&a * &inverse * &a)),
+            information: by_rows(&halves(information)),
+            driven: by_rows(&halves(driven)),
+        })
+    }
+
+    /// P becomes what it is after the steps. `None` where something is singular.
+    fn apply(&self, covariance: &mut [f64], work: &mut Work) -> Option<()> {
+        let n = self.states;
+        // (1 + P G) X = P.
+        let Work { left, right } = work;
+        product(covariance, &self.information, n, left);
+        for i in 0..n {
+            left[i * n + i] += 1.0;
+        }
+        eliminate(left, covariance, n)?;
+        // A X Aᵀ + Q.
+        product(&self.transition, covariance, n, right);
+        for i in 0..n {
+            for j in 0..=i {
+                let (row, other) = (&right[i * n..][..n], &self.transition[j * n..][..n]);
+                let sum: f64 = row.iter().zip(other).map(|(a, b)| a * b).sum();
+                covariance[i * n + j] = self.driven[i * n + j] + sum;
+            }
+        }
+        for i in 0..n {
+            for j in 0..i {
+                covariance[j * n + i] = covariance[i * n + j];
+            }
+        }
+        Some(())
+    }
+}
+
+fn by_rows(matrix: &DMatrix<f64>) -> Vec<f64> {
+    matrix.transpose().as_slice().to_vec()
+}
+
+/// `out` = a b.
+fn product(a: &[f64], b: &[f64], n: usize, out: &mut Vec<f64>) {
+    out.clear();
+    out.resize(n * n, 0.0);
+    for (row, weights) in out.chunks_exact_mut(n).zip(a.chunks_exact(n)) {
+        for (weight, values) in weights.iter().zip(b.chunks_exact(n)) {
+            if *weight != 0.0 {
+                row.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
+            }
+        }
+    }
+}
+
+/// Solves a x = b in place by Gauss's elimination with pivots from the column.
+fn eliminate(a: &mut [f64], b: &mut [f64], n: usize) -> Option<()> {
+    for k in 0..n {
+        let pivot = (k..n).max_by(|&i, &j| a[i * n + k].abs().total_cmp(&a[j * n + k].abs()))?;
+        if pivot != k {
+            for j in 0..n {
+                a.swap(k * n + j, pivot * n + j);
+                b.swap(k * n + j, pivot * n + j);
+            }
+        }
+        let own = a[k * n + k];
+        if own == 0.0 || !own.is_finite() {
+            return None;
+        }
+        let inverse = own.recip();
+        for i in k + 1..n {
+            let factor = a[i * n + k] * inverse;
+            if factor != 0.0 {
+                for j in k + 1..n {
+                    a[i * n + j] -= factor * a[k * n + j];
+                }
+                for j in 0..n {
+                    b[i * n + j] -= factor * b[k * n + j];
+                }
+            }
+        }
+    }
+    for k in (0..n).rev() {
+        let inverse = a[k * n + k].recip();
+        for j in 0..n {
+            let known: f64 = (k + 1..n).map(|i| a[k * n + i] * b[i * n + j]).sum();
+            b[k * n + j] = (b[k * n + j] - known) * inverse;
+        }
+    }
+    Some(())
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::noise::{Flicker, Noise};
+    use crate::whiten::Filter;
+    use schuler_recording::case::{ExponentialCosine, Markov};
+
+    use super::*;
+
+    fn space_of(noise: &Noise) -> Space {
+        let groups = noise.states(1.0).groups;
+        let n = groups.iter().map(|group| group.size).sum();
+        let mut space = Space {
+            states: n,
+            channels: 1,
+            transition: vec![0.0; n * n],
+            driven: vec![0.0; n * n],
+            start: vec![0.0; n * n],
+            seen: vec![0.0; n],
+            white: vec![noise.white_variance()],
+            white_from: None,
+        };
+        let mut at = 0;
+        for group in groups {
+            for i in 0..group.size {
+                for j in 0..group.size {
+                    space.transition[(at + i) * n + at + j] = group.transition[i][j];
+                }
+                space.driven[(at + i) * n + at + i] = group.driven[i];
+                space.start[(at + i) * n + at + i] = group.start[i];
+                space.seen[at + i] = group.seen[i];
+            }
+            at += group.size;
+        }
+        space
+    }
+
+    /// Over noises that settle at once, slowly and never, with an oscillation, in units far from 1.
+    #[test]
+    fn interpolated_gains_are_those_of_every_row() {
+        let markov = |sigma: f64, tau_s: f64| Markov { sigma, tau_s };
+        let white = Noise { white: 1e-7, ..Noise::default() };
+        let noises = [
+            Noise { markov: vec![markov(3e-9, 2e4)], ..white.clone() },
+            Noise { markov: vec![markov(2e-7, 30.0), markov(1e-8, 3e3)], ..white.clone() },
+            Noise { random_walk: 1e-11, ..white.clone() },
+            Noise { markov: vec![markov(3e-8, 900.0)], ..white.clone() },
+            Noise { markov: vec![markov(2e-7, 30.0)], ..white.clone() },
+            Noise { flicker: Flicker { sigma: 1e-8, tau_s: [2.0, 3e4] }, ..white.clone() },
+            Noise { angle: 3e-7, ..white.clone() },
+            Noise {
+                exp_cos: vec![ExponentialCosine { sigma: 5e-8, alpha: 1e-4, beta: 0.02 }],
+                markov: vec![markov(1e-8, 1e3)],
+                ..white
+            },
+        ];
+        let rows = 30_000;
+        let column: Vec<f64> = (0..rows).map(|row| 1e-7 * (row as f64 * 0.37).sin() + 1e-8).collect();
+        for noise in noises {
+            let space = space_of(&noise);
+            let present = vec![true; rows];
+            let fast = Filter::new(&space, &present).unwrap();
+            let slow = Filter::of_every_row(&space, &present).unwrap();
+            let allowed = 1e-5;
+            assert!((fast.log_variances - slow.log_variances).abs() < allowed, "{noise:?}");
+            let (a, b) = (fast.whiten(&[&column]), slow.whiten(&[&column]));
+            let sum = |whitened: &[f64]| whitened.iter().map(|e| e * e).sum::<f64>();
+            let (a, b) = (sum(&a[0]), sum(&b[0]));
+            assert!((a - b).abs() < 1e-8 * b, "{noise:?}: {a} {b}");
+        }
+    }
+}
