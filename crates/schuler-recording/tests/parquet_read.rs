@@ -93,6 +93,21 @@ fn case(table: &str, column: &str) -> String {
     )
 }
 
+/// Found by fuzzing: pages refer to a dictionary that is not there, on which the decoder panics.
+#[test]
+fn a_file_on_which_the_decoder_panics_is_an_error() {
+    let bytes = include_bytes!("../../../fuzz/regressions/table_parquet/dictionary-missing");
+    let table = table::open_bytes(Path::new("damaged.parquet"), bytes.to_vec());
+    let error = match table {
+        Ok(table) => {
+            let all: Vec<usize> = (0..table.names().len()).collect();
+            table.read(&all).unwrap_err()
+        }
+        Err(error) => error,
+    };
+    assert!(error.to_string().starts_with("damaged.parquet: "), "{error}");
+}
+
 #[test]
 fn a_case_reads_the_same_from_csv_and_from_parquet() {
     let directory = tempfile::tempdir().unwrap();

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use crate::case::{Auxiliary, Case, CaseFile, Quantity, Sensor};
 use crate::error::{Error, Problem};
-use crate::table;
+use crate::table::{self, TableReader};
 use crate::unit::{AuxConversion, Unit};
 
 use grid::Grid;
@@ -102,8 +102,16 @@ impl Recording {
     /// # Errors
     /// Columns that the table lacks, cells that are not numbers, times that do not increase.
     pub fn of_case(file: CaseFile) -> Result<Self, Error> {
+        let table = table::open(&file.table_path())?;
+        Self::of_table(file, table)
+    }
+
+    /// Reads a case's table from where it is.
+    ///
+    /// # Errors
+    /// As [`of_case`](Self::of_case).
+    pub fn of_table(file: CaseFile, table: Box<dyn TableReader>) -> Result<Self, Error> {
         let table_path = file.table_path();
-        let table = table::open(&table_path)?;
         let mut wanted = Wanted::new(&file, table.names());
         let time = wanted.column(&file.case.recording.time, "recording.time");
         let sensors: Vec<usize> = (file.case.sensors.iter().enumerate())

@@ -6,9 +6,10 @@ mod csv;
 mod parquet;
 
 use std::fs::File;
-use std::io::{self, BufRead, BufReader};
+use std::io::{self, BufRead, BufReader, Cursor};
 use std::path::Path;
 
+use bytes::Bytes;
 use flate2::bufread::MultiGzDecoder;
 use flate2::write::GzEncoder;
 
@@ -55,16 +56,32 @@ pub fn open(path: &Path) -> Result<Box<dyn TableReader>, Error> {
     let unreadable = |error: io::Error| Error::io(path, "read the table", &error);
     let file = File::open(path).map_err(unreadable)?;
     let mut raw = BufReader::with_capacity(BUFFER_BYTES, file);
-    let beginning = raw.fill_buf().map_err(unreadable)?;
-    if beginning.starts_with(PARQUET_MAGIC) {
-        return parquet::ParquetTable::new(path).map(|table| Box::new(table) as Box<dyn TableReader>);
+    if raw.fill_buf().map_err(unreadable)?.starts_with(PARQUET_MAGIC) {
+        let file = File::open(path).map_err(unreadable)?;
+        return Ok(Box::new(parquet::ParquetTable::new(path, file)?));
     }
+    open_text(path, raw)
+}
+
+/// Opens a table in memory; `path` is the name by which errors call it.
+///
+/// # Errors
+/// As [`open`].
+pub fn open_bytes(path: &Path, bytes: Vec<u8>) -> Result<Box<dyn TableReader>, Error> {
+    if bytes.starts_with(PARQUET_MAGIC) {
+        return Ok(Box::new(parquet::ParquetTable::new(path, Bytes::from(bytes))?));
+    }
+    open_text(path, Cursor::new(bytes))
+}
+
+fn open_text(path: &Path, mut raw: impl BufRead + 'static) -> Result<Box<dyn TableReader>, Error> {
+    let beginning = raw.fill_buf().map_err(|error| Error::io(path, "read the table", &error))?;
     let bytes: Box<dyn BufRead> = if beginning.starts_with(GZIP_MAGIC) {
         Box::new(BufReader::with_capacity(BUFFER_BYTES, MultiGzDecoder::new(raw)))
     } else {
         Box::new(raw)
     };
-    csv::CsvTable::new(path, bytes).map(|table| Box::new(table) as Box<dyn TableReader>)
+    Ok(Box::new(csv::CsvTable::new(path, bytes)?))
 }
 
 /// Index of the column `name`, or what is wrong with asking for it.

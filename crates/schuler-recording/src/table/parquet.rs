@@ -1,12 +1,12 @@
 //! Tables in Parquet files: flat columns of numbers; null = missing. A column of time stamps is read in seconds.
-use std::fs::File;
+use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
 
 use parquet::basic::{ConvertedType, LogicalType, Repetition, TimeUnit, Type as Physical};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::DataType;
 use parquet::errors::ParquetError;
-use parquet::file::reader::{FileReader, SerializedFileReader};
+use parquet::file::reader::{ChunkReader, FileReader, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 
 use super::{Columns, TableReader};
@@ -16,20 +16,20 @@ use crate::error::{Error, Problem};
 const BATCH: usize = 1 << 14;
 
 /// A Parquet file of which the schema has been read.
-pub(super) struct ParquetTable {
+pub(super) struct ParquetTable<R: ChunkReader> {
     path: PathBuf,
     names: Vec<String>,
-    reader: SerializedFileReader<File>,
+    reader: SerializedFileReader<R>,
 }
 
-impl ParquetTable {
+impl<R: ChunkReader + 'static> ParquetTable<R> {
     /// Reads the schema.
     ///
     /// # Errors
     /// A file that cannot be read or has no columns.
-    pub(super) fn new(path: &Path) -> Result<Self, Error> {
-        let file = File::open(path).map_err(|error| Error::io(path, "read the table", &error))?;
-        let reader = SerializedFileReader::new(file).map_err(|error| unreadable(path, "", &error))?;
+    pub(super) fn new(path: &Path, file: R) -> Result<Self, Error> {
+        let reader =
+            guarded(path, || SerializedFileReader::new(file).map_err(|error| unreadable(path, "", &error)))?;
         let schema = reader.metadata().file_metadata().schema_descr();
         let names: Vec<String> = schema.columns().iter().map(|column| column.path().string()).collect();
         if names.is_empty() {
@@ -68,7 +68,7 @@ impl ParquetTable {
     }
 }
 
-impl TableReader for ParquetTable {
+impl<R: ChunkReader + 'static> TableReader for ParquetTable<R> {
     fn names(&self) -> &[String] {
         &self.names
     }
@@ -78,7 +78,7 @@ impl TableReader for ParquetTable {
         for (&column, infinite) in wanted.iter().zip(&mut columns.infinite) {
             let mut values = Vec::new();
             for group in 0..self.reader.num_row_groups() {
-                self.read_column(group, column, &mut values)?;
+                guarded(&self.path, || self.read_column(group, column, &mut values))?;
             }
             for value in &mut values {
                 *infinite += usize::from(value.is_infinite());
@@ -174,6 +174,14 @@ fn decode<T: DataType>(
             values.extend(numbers);
         }
     }
+}
+
+/// The decoder's own checks end in a panic for some damaged files; here that is an error like any other.
+fn guarded<T>(path: &Path, read: impl FnOnce() -> Result<T, Error>) -> Result<T, Error> {
+    panic::catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|_| {
+        let message = "cannot read the table: its contents contradict each other; the file is damaged";
+        Err(Error::one(path, Problem::of_file(message)))
+    })
 }
 
 fn unreadable(path: &Path, column: &str, error: &ParquetError) -> Error {

@@ -1,0 +1,11 @@
+//! See `schuler_fuzz::table::text`.
+#![no_main]
+use std::alloc::System;
+
+use cap::Cap;
+use libfuzzer_sys::fuzz_target;
+
+#[global_allocator]
+static MEMORY: Cap<System> = Cap::new(System, schuler_fuzz::MEMORY);
+
+fuzz_target!(init: schuler_fuzz::sow("table_text"), |data: &[u8]| schuler_fuzz::table::text(data));

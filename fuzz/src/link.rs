@@ -1,0 +1,171 @@
+//! Bytes from a line.
+use std::cell::Cell;
+
+use arbitrary::{Result, Unstructured};
+use schuler_core::module::FlightModule;
+use schuler_link::PROTOCOL;
+use schuler_link::endpoint::{Endpoint, Reaction};
+use schuler_link::frame::{Decoder, Frame, FrameError, Message, Wire};
+use schuler_link::message::{Board, HostMessage, Identity, ModuleMessage, Pace, Start, Transport};
+
+use crate::flight::{check_output, configurations};
+use crate::source;
+
+/// The checksum of a frame, by its definition: the frames here are not made by what is tested.
+const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
+
+/// Bytes of a line, into the decoders of both sides.
+pub fn decoder(data: &[u8]) {
+    listen::<HostMessage>(data);
+    listen::<ModuleMessage>(data);
+}
+
+fn listen<M: Message>(data: &[u8]) {
+    let mut decoder = Decoder::new();
+    let (mut whole, mut refused) = (0, 0);
+    for &byte in data {
+        match decoder.push::<M>(byte) {
+            Some(Ok(frame)) => {
+                whole += 1;
+                goes_out_again(&frame);
+            }
+            Some(Err(_)) => refused += 1,
+            None => {}
+        }
+    }
+    assert_eq!(decoder.refused().total(), refused, "each refusal is counted once");
+    assert!(whole + refused as usize <= data.len());
+}
+
+/// A frame that came in can be sent, and what is sent comes in as the same bytes (NaN is not equal to itself).
+fn goes_out_again<M: Message>(frame: &Frame<M>) {
+    let mut wire = Wire::new();
+    // A number may have come in a longer form than it goes out: what was read is never too long to send.
+    assert_eq!(wire.encode(frame.sequence, &frame.message), Ok(()));
+    let mut decoder = Decoder::new();
+    let back = wire.as_bytes().iter().find_map(|&byte| match decoder.push::<M>(byte) {
+        Some(Ok(frame)) => Some(frame),
+        _ => None,
+    });
+    let back = back.expect("a frame that was sent arrives");
+    let mut again = Wire::new();
+    assert_eq!(again.encode(back.sequence, &back.message), Ok(()));
+    assert_eq!(wire.as_bytes(), again.as_bytes());
+}
+
+/// The content of a frame whose border, checksum, direction and version are right.
+pub fn message(data: &[u8]) {
+    sealed::<HostMessage>(data);
+    sealed::<ModuleMessage>(data);
+}
+
+fn sealed<M: Message>(content: &[u8]) {
+    let mut decoder = Decoder::new();
+    let bytes = framed::<M>(7, content);
+    let answers: Vec<_> = bytes.iter().filter_map(|&byte| decoder.push::<M>(byte)).collect();
+    match answers.as_slice() {
+        [Err(FrameError::Content | FrameError::TooLong), ..] => {}
+        [Ok(frame)] => goes_out_again(frame),
+        _ => panic!("a sound frame is neither a message nor refused for its content"),
+    }
+}
+
+fn framed<M: Message>(sequence: u32, content: &[u8]) -> Vec<u8> {
+    let mut frame = vec![M::DIRECTION, PROTOCOL];
+    frame.extend(sequence.to_le_bytes());
+    frame.extend(content);
+    frame.extend(CRC.checksum(&frame).to_le_bytes());
+    let mut bytes = cobs::encode_vec(&frame);
+    bytes.insert(0, 0);
+    bytes.push(0);
+    bytes
+}
+
+/// What comes to the module's side over a life of commands, repetitions, noise, and a clock that does what it likes.
+pub fn endpoint(data: &[u8]) {
+    // Bytes that end too early end the conversation.
+    let _ = converse(&mut Unstructured::new(data));
+}
+
+fn converse(source: &mut Unstructured<'_>) -> Result<()> {
+    let identity = Identity { board: Board::Host, transport: Transport::Memory, start: Start::PowerOn };
+    let mut endpoint = Endpoint::new(identity);
+    let mut module = Box::new(FlightModule::new());
+    let now_us = Cell::new(0u64);
+    let (mut sequence, mut time_ms) = (0u32, 0u64);
+    let mut last = Vec::new();
+    // A configuration that promises finite outputs is in force.
+    let mut sane = true;
+    for _ in 0..40 {
+        // Past their end, the bytes are zeros.
+        if source.is_empty() {
+            break;
+        }
+        let message = match source.arbitrary::<u8>()? {
+            0..8 => None,
+            8..24 => {
+                now_us.set(
+                    now_us.get().wrapping_add(source.arbitrary::<u64>()? >> (source.arbitrary::<u8>()? % 64)),
+                );
+                None
+            }
+            24..32 => Some(HostMessage::Hello),
+            32..40 => Some(HostMessage::Counters),
+            40..48 => Some(HostMessage::SetPace(if source.arbitrary()? {
+                Pace::Clock { period_ms: source.arbitrary::<u32>()? >> (source.arbitrary::<u8>()? % 32) }
+            } else {
+                Pace::Host
+            })),
+            48..52 => Some(HostMessage::Reset),
+            52..60 => {
+                let mut bytes = schuler_link::block::BlockBytes::new();
+                let _ = bytes.extend_from_slice(source.bytes(source.len().min(64))?);
+                Some(HostMessage::LoadCompensation(bytes))
+            }
+            60..90 => Some(HostMessage::Configure(*source.choose(configurations())?)),
+            _ => {
+                time_ms = source::next_time(source, time_ms)?;
+                Some(HostMessage::Step(source::step_input(source, time_ms)?))
+            }
+        };
+        let bytes = match &message {
+            Some(message) => {
+                sequence = match source.arbitrary::<u8>()? {
+                    0..8 => source.arbitrary()?,
+                    8..16 => sequence,
+                    _ => sequence.wrapping_add(1),
+                };
+                let mut wire = Wire::new();
+                assert_eq!(wire.encode(sequence, message), Ok(()));
+                wire.as_bytes().to_vec()
+            }
+            None if source.arbitrary()? => last.clone(),
+            None => {
+                sane = false;
+                framed::<HostMessage>(sequence.wrapping_add(1), source.bytes(source.len().min(100))?)
+            }
+        };
+        for &byte in &bytes {
+            if let Reaction::Send(answer) = endpoint.receive(byte, &mut module, || now_us.get()) {
+                check_answer(answer, sane);
+            }
+        }
+        if let Some(answer) = endpoint.tick(&mut module, || now_us.get()) {
+            check_answer(answer, sane);
+        }
+        last = bytes;
+    }
+    Ok(())
+}
+
+/// One whole frame for the host; finite outputs.
+fn check_answer(answer: &[u8], sane: bool) {
+    let mut decoder = Decoder::new();
+    let mut frames = answer.iter().filter_map(|&byte| decoder.push::<ModuleMessage>(byte));
+    let frame = frames.next().expect("a frame").expect("a sound frame");
+    match frame.message {
+        ModuleMessage::Output(output) if sane => check_output(&output),
+        ModuleMessage::Tick(tick) if sane => check_output(&tick.output),
+        _ => {}
+    }
+}
