@@ -6,7 +6,7 @@
 //! without which an explanation is none. The recordings are looked for in `SCHULER_DATA`, else in `../shared/data` beside
 //! the project.
 //!
-//! They differ still, in every set: `cargo test -p schuler-tests --test explain_real -- --ignored
+//! They differ still, in every set: `cargo test -p schuler-tests explain_real:: -- --ignored
 //! --nocapture` prints where. Until they agree their tests are left out of the usual run.
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

@@ -1,7 +1,7 @@
 //! Instructions and stack of every part of the step on the emulated Cortex-M4F: exact against a golden file, and against
 //! bars.
 //!
-//! `SCHULER_REWRITE_GOLDEN=1 cargo test -p schuler-tests --test firmware_counts` takes the counts anew. They hold for one
+//! `SCHULER_REWRITE_GOLDEN=1 cargo test -p schuler-tests firmware_counts::` takes the counts anew. They hold for one
 //! compiler; with another the bars are still checked, and the test says that the golden file was not.
 use std::fmt::Write as _;
 use std::process::Command;
@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use host_sim::emulator::Image;
 
-mod common;
+use crate::common;
 
 /// The counts take a minute on a machine that has nothing else to do.
 const PATIENCE: Duration = Duration::from_mins(10);

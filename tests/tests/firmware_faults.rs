@@ -5,7 +5,7 @@ use host_sim::emulator::{Emulator, Image, Target, Transport};
 use schuler_core::module::ModuleConfig;
 use schuler_link::{PROTOCOL, SOURCE_HASH};
 
-mod common;
+use crate::common;
 
 /// Longer than the watchdog waits, on a machine that has other things to do.
 const PATIENCE: Duration = Duration::from_secs(90);

@@ -4,7 +4,7 @@ use std::fs;
 use host_sim::emulator::{Image, build};
 use object::{Object, ObjectSection, ObjectSymbol, SectionKind};
 
-mod common;
+use crate::common;
 
 /// Sizes of the sections, bytes.
 const SIZES: &str = "image_sizes.txt";

@@ -10,9 +10,9 @@ use schuler_link::message::{
 };
 use schuler_link::{PROTOCOL, SOURCE_HASH, VERSION};
 
-use common::flight::{Flight, everything, full_block};
+use crate::common::flight::{Flight, everything, full_block};
 
-mod common;
+use crate::common;
 
 const PATIENCE: Duration = Duration::from_secs(30);
 

@@ -1,8 +1,8 @@
 //! Statistical acceptance of the five-gyro isolation: seeded, so that every run gives the same numbers; the
 //! tolerances are the acceptance bars, and the number of trials keeps one standard error well inside them.
-mod isolation_common;
+use crate::isolation_common;
 
-use isolation_common::{
+use crate::isolation_common::{
     Rates, TABULATED, argmax, cone, fault, generator, good, noise, noise_of_the_paper, skewed,
 };
 use nalgebra::{SVector, Vector3};

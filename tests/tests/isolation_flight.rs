@@ -1,7 +1,6 @@
 //! What the isolation does in flight: verdicts, reconfiguration, bad input, re-admission.
-mod isolation_common;
 
-use isolation_common::{Rates, axes_of_the_paper, generator, good, noise};
+use crate::isolation_common::{Rates, axes_of_the_paper, generator, good, noise};
 use nalgebra::{Matrix5x3, Vector3};
 use proptest::prelude::*;
 use rand::RngExt;

@@ -1,7 +1,6 @@
 //! Published and closed-form numbers of the five-gyro isolation.
-mod isolation_common;
 
-use isolation_common::{
+use crate::isolation_common::{
     SKEWED, argmax, axes_of_the_paper, cone, fault, generator, noise, noise_of_the_paper, skewed,
 };
 use nalgebra::{Matrix2, Matrix3, Matrix4, Matrix5, SMatrix, Vector2, Vector3, Vector5};

@@ -1,7 +1,6 @@
 //! The paper's isolation methods against its tables and against each other, for five gyros and more.
-mod isolation_common;
 
-use isolation_common::{
+use crate::isolation_common::{
     Rates, SKEWED, argmax, axes_of_the_paper, cone, generator, noise, noise_of_the_paper, skewed,
 };
 use nalgebra::{SMatrix, SVector, Vector3, Vector5};

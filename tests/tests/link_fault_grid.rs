@@ -9,7 +9,7 @@
 //! The long run writes `docs/link-faults.md`:
 //!
 //! ```text
-//! cargo test -p schuler-tests --test link_fault_grid -- --ignored --nocapture
+//! cargo test -p schuler-tests link_fault_grid:: -- --ignored --nocapture
 //! ```
 use std::collections::HashSet;
 use std::fmt::Write as _;
@@ -26,9 +26,9 @@ use schuler_link::endpoint::{Endpoint, Reaction};
 use schuler_link::frame::{Decoder, Wire};
 use schuler_link::message::{Board, HostMessage, Identity, ModuleMessage, Pace, Start, Transport as Line};
 
-use common::flight::{Flight, everything, full_block};
+use crate::common::flight::{Flight, everything, full_block};
 
-mod common;
+use crate::common;
 
 const PATIENCE: Duration = Duration::from_mins(1);
 
@@ -366,7 +366,7 @@ fn the_same_on_the_serial_line() {
 }
 
 #[test]
-#[ignore = "an hour; run by: cargo test -p schuler-tests --test link_fault_grid -- --ignored --nocapture"]
+#[ignore = "an hour; run by: cargo test -p schuler-tests link_fault_grid:: -- --ignored --nocapture"]
 fn a_million_frames_and_the_table() {
     let scale = std::env::var("SCHULER_FRAMES").ok().and_then(|text| text.parse().ok()).unwrap_or(1_000_000);
     let cells = FAULTS.len() * RATES.len();
@@ -382,7 +382,7 @@ fn a_million_frames_and_the_table() {
          A piece between two borders is intact when it is, byte for byte, a frame that was sent; everything else is damaged.\n\
          What was accepted is what the module answered, and what the host's decoder took on the way back. An intact frame\n\
          is lost when it was not: none means that the link is back with the first intact frame after any damage.\n\n\
-         Made by `cargo test -p schuler-tests --test link_fault_grid -- --ignored`; a short version is in the ordinary tests.\n\n\
+         Made by `cargo test -p schuler-tests link_fault_grid:: -- --ignored`; a short version is in the ordinary tests.\n\n\
          | | damaged frames | accepted | share accepted, at most (95 %) | intact frames lost | steps, all outputs in range |\n\
          | --- | --: | --: | --: | --: | --: |\n\
          | both lines | {} | {} | {:.1e} | {} | {} |\n\n\

@@ -7,9 +7,9 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use schuler_core::module::ModuleConfig;
 
-use common::flight::Flight;
+use crate::common::flight::Flight;
 
-mod common;
+use crate::common;
 
 const STEPS: usize = 60;
 

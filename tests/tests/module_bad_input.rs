@@ -9,9 +9,7 @@ use schuler_core::reading::{Quality, Reading};
 use schuler_core::thermal::{TemperatureRateConfig, ThermalStatus};
 use schuler_tests::golden_records::{MinimalStandard, fly, scenario_r1};
 
-use common::flight::{Flight, everything, full_block};
-
-mod common;
+use crate::common::flight::{Flight, everything, full_block};
 
 fn started() -> Box<FlightModule> {
     let mut module = Box::new(FlightModule::new());

@@ -9,9 +9,9 @@ use schuler_core::thermal::{CompensationStatus, ThermalStatus};
 use schuler_link::block::encode;
 use schuler_link::frame::MAX_MESSAGE;
 
-use common::flight::{Flight, everything, full_block};
+use crate::common::flight::{Flight, everything, full_block};
 
-mod common;
+use crate::common;
 
 /// Steps over semihosting: more than a day.
 const LONG: usize = 100_000;

@@ -5,7 +5,7 @@
 //! The long runs are not for every day (`docs/same-bits.md` has what they gave):
 //!
 //! ```text
-//! cargo test -p schuler-tests --test thirty_days -- --ignored --nocapture
+//! cargo test -p schuler-tests thirty_days:: -- --ignored --nocapture
 //! ```
 use std::time::Instant;
 
@@ -16,9 +16,9 @@ use schuler_core::module::{Status, StepOutput};
 use schuler_link::block::encode;
 use schuler_link::frame::MAX_MESSAGE;
 
-use common::flight::{Flight, everything, full_block};
+use crate::common::flight::{Flight, everything, full_block};
 
-mod common;
+use crate::common;
 
 const HOUR: usize = 3600;
 const DAY: usize = 24 * HOUR;
@@ -161,7 +161,7 @@ fn a_quarter_of_an_hour_with_power_cycles_gives_the_same_bits_over_the_serial_li
 }
 
 #[test]
-#[ignore = "hours; run by: cargo test -p schuler-tests --test thirty_days thirty -- --ignored --nocapture"]
+#[ignore = "hours; run by: cargo test -p schuler-tests thirty_days::thirty -- --ignored --nocapture"]
 fn thirty_days_give_the_same_bits() {
     let flown = fly_both(Transport::Fifo, 30 * DAY, DAY / 2);
     assert!(flown.power_cycles >= 40 && flown.retunes >= 20, "{} retunings", flown.retunes);
@@ -169,7 +169,7 @@ fn thirty_days_give_the_same_bits() {
 }
 
 #[test]
-#[ignore = "many minutes; run by: cargo test -p schuler-tests --test thirty_days a_day -- --ignored --nocapture"]
+#[ignore = "many minutes; run by: cargo test -p schuler-tests thirty_days::a_day -- --ignored --nocapture"]
 fn a_day_gives_the_same_bits_over_the_serial_line() {
     let flown = fly_both(Transport::Uart, DAY, DAY / 6);
     assert!(flown.power_cycles >= 4 && flown.retunes >= 1, "{} retunings", flown.retunes);

@@ -24,8 +24,15 @@ const ORDER: &str = "coefficient, in the order of the table";
 /// A value further from zero than this many prior standard deviations is not plausible.
 const IMPLAUSIBLE: f64 = 3.0;
 
+/// What its help teaches.
+const EXAMPLES: &str = "\
+Examples:
+  Coefficients of a whole unit from one run, and what the run cannot tell:
+    schuler calibrate run_3/case.toml --out out/calibration";
+
 /// What to calibrate.
 #[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
 pub(super) struct Arguments {
     /// Case file with a part [calibration].
     case: PathBuf,

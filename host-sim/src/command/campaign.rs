@@ -22,8 +22,22 @@ const REPORT: &str = "report";
 /// Name of the figure.
 const PICTURE: &str = "detection";
 
+/// What its help teaches.
+const EXAMPLES: &str = "\
+Examples:
+  Sixty cases with a fresh seed, concealed, explained and scored; status 1 if a bar is missed:
+    schuler campaign host-sim/plans/small.toml
+
+  A long one that goes on where it was stopped:
+    schuler campaign host-sim/plans/full.toml --out out/campaign
+
+  Cases to look at, and another program in the place of `schuler explain`:
+    schuler campaign host-sim/plans/small.toml --seed 1 --make out/cases
+    schuler campaign host-sim/plans/small.toml --explainer 'my_tool {case}'";
+
 /// What to do.
 #[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
 pub(super) struct Arguments {
     /// Plan file.
     plan: PathBuf,

@@ -22,8 +22,18 @@ const WIDTH: usize = 34;
 /// Share of differing decisions below which two methods are one and the same but for rounding.
 const SAME: f64 = 1e-4;
 
+/// What its help teaches.
+const EXAMPLES: &str = "\
+Examples:
+  Five gyros on the cone, every method against the optimum:
+    schuler compare-isolation
+
+  The gyros of a case, faults of three and five standard deviations:
+    schuler compare-isolation --case block/case.toml --faults 3,5";
+
 /// What to compare.
 #[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
 pub(super) struct Arguments {
     /// Gyros, evenly spaced on the cone of half-angle 54.74 degrees; five are the paper's.
     #[arg(long, default_value_t = 5, value_parser = RangedU64ValueParser::<usize>::new().range(5..=12))]

@@ -20,8 +20,16 @@ const SCENARIO_NAME: &str = "demo.toml";
 /// Index of the tilt among the states.
 const TILT: usize = 1;
 
+/// What its help teaches.
+const EXAMPLES: &str = "\
+Examples:
+  On this machine, and on the emulated board:
+    schuler demo
+    schuler demo --on qemu --out out/on_board";
+
 /// How to run the demonstration.
 #[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
 pub(super) struct Arguments {
     /// What the flight module runs on.
     #[arg(long, value_enum, default_value_t)]

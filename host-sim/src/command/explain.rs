@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use schuler_explain::deploy::{Deployed, Deployment, Stations, deploy};
 use schuler_explain::evidence::evidence;
-use schuler_explain::explain::{Options, explain_shown};
+use schuler_explain::explain::{self, Options, explain_watched};
 use schuler_explain::explanation::Explanation;
 use schuler_link::block;
 use schuler_recording::{CaseFile, Error, Problem, Recording};
@@ -15,12 +15,28 @@ use super::fly::write_json;
 use super::session::Session;
 use crate::flight;
 use crate::flight::sensors::Place;
-use crate::output;
+use crate::output::{self, Interrupted};
 use crate::plot::Format;
 use crate::report::{Recorded, Report};
 
+/// What its help teaches.
+const EXAMPLES: &str = "\
+Examples:
+  Which physics the simulation leaves out, in sentences:
+    schuler explain run_17/case.toml
+
+  As a page for the browser and as JSON for a program:
+    schuler explain run_17/case.toml --report run_17.html
+    schuler explain run_17/case.toml --json > run_17.json
+
+  With the block by which the flight module takes the effects out:
+    schuler explain run_17/case.toml --compensation run_17.block
+
+  The exit status is 0 whatever the verdict.";
+
 /// What to explain, and where to show it.
 #[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
 pub(super) struct Arguments {
     /// Case file.
     case: PathBuf,
@@ -51,9 +67,13 @@ struct Answer<'r> {
 
 pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failure> {
     let recording = Recording::of_case(CaseFile::read(&arguments.case)?)?;
-    let waiting = session.waiting("explaining");
-    let (explanation, arrays) = explain_shown(&recording, &Options::default())
-        .map_err(|error| Error::one(&arguments.case, Problem::of_file(error.to_string())))?;
+    let progress = session.phases();
+    let explained = explain_watched(&recording, &Options::default(), &progress);
+    let (explanation, arrays) = explained.map_err(|error| match error {
+        explain::Error::Cancelled => Failure::Stopped(Interrupted),
+        error => Error::one(&arguments.case, Problem::of_file(error.to_string())).into(),
+    })?;
+    drop(progress);
     let report = Report {
         title: recording.case.title.clone(),
         recorded: Recorded::of(&recording, &arguments.case.display().to_string()),
@@ -82,7 +102,6 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
         compensation = deployment.findings;
         files.push(path.clone());
     }
-    drop(waiting);
     let answer = Answer { explanation: &report.explanation, compensation, files };
     session.answer(&answer, |answer| {
         let mut text = report.text();

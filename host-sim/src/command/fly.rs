@@ -15,8 +15,21 @@ use crate::flight::{self, Channel, Flown, LoopTruth, On, Summary, figures, outpu
 use crate::output;
 use crate::plot::Format;
 
+/// What its help teaches.
+const EXAMPLES: &str = "\
+Examples:
+  What the flight module makes of a recording:
+    schuler fly out/flight/case.toml --plot png --out out/flown
+
+  The same on the emulated board, over its serial line; the outputs are the same, bit by bit:
+    schuler fly out/flight/case.toml --on qemu --out out/on_board
+
+  With the sensors corrected by what `explain` or `calibrate` found:
+    schuler fly out/flight/case.toml --compensation out/terms.block";
+
 /// What to fly, and on what.
 #[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
 pub(super) struct Arguments {
     /// Case file.
     case: PathBuf,

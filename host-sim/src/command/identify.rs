@@ -10,8 +10,18 @@ use super::session::Session;
 use crate::identify::{Options, figures, identify};
 use crate::plot::Format;
 
+/// What its help teaches.
+const EXAMPLES: &str = "\
+Examples:
+  Noise structure and parameters of each sensor, with Allan deviation and autocorrelation:
+    schuler identify out/flight/case.toml
+
+  With figures, and lags up to an hour at 1 Hz:
+    schuler identify out/flight/case.toml --lags 3600 --plot svg,png --out out/noise";
+
 /// What to identify.
 #[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
 pub(super) struct Arguments {
     /// Case file.
     case: PathBuf,

@@ -11,31 +11,55 @@
 //! | `compare-isolation` | every way of isolating a gyro against the optimum |
 //! | `figures` | the figures of the documentation |
 //! | `demo` | all of it at once, on a flight of its own |
+//! | `completions` | what a shell needs to complete these |
+//! | `man` | manual pages |
 //!
 //! Results go to standard output, as text or with `--json` as one JSON document; progress and warnings go to standard
 //! error. Exit status: 0 done, 2 bad input (one line: file, line, field, what was expected), 130 stopped, 1 anything else.
 mod calibrate;
 mod campaign;
 mod compare_isolation;
+mod completions;
 mod demo;
 mod explain;
 mod figures;
 mod fly;
 mod identify;
+mod man;
 mod session;
 mod simulate;
 mod text;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::output::Interrupted;
 use session::Session;
 
+/// Where results go, what the exit status says, and how to begin.
+const CONVENTIONS: &str = "\
+Results go to standard output; progress, warnings and errors to standard error. A file is written whole or not at all.
+
+Exit status:
+  0    done
+  1    anything that is none of the others; a bar that a campaign missed
+  2    bad input: one line with file, line, field and what was expected
+  130  stopped by Ctrl-C
+
+Examples:
+  A flight, simulated and flown, with figures in out/demo:
+    schuler demo
+
+  Why a recording does not look like its simulation:
+    schuler explain run_17/case.toml --report run_17.html
+
+  Completion of all this in bash:
+    schuler completions bash > ~/.local/share/bash-completion/completions/schuler";
+
 /// Flight module, simulator and analysis for inertial sensors.
 #[derive(Debug, Parser)]
-#[command(name = "schuler", version, propagate_version = true, max_term_width = 110)]
+#[command(name = "schuler", version, propagate_version = true, max_term_width = 110, after_help = CONVENTIONS)]
 struct Arguments {
     /// Print results as one JSON document.
     #[arg(long, global = true)]
@@ -68,6 +92,10 @@ enum Command {
     Figures(figures::Arguments),
     /// Simulate a flight, fly it, and show what the module found.
     Demo(demo::Arguments),
+    /// Print what a shell needs to complete commands and options.
+    Completions(completions::Arguments),
+    /// Write manual pages.
+    Man(man::Arguments),
 }
 
 /// Why a command did not do what it was asked.
@@ -108,6 +136,8 @@ pub fn main() -> ExitCode {
         Command::CompareIsolation(arguments) => compare_isolation::run(arguments, &session),
         Command::Figures(arguments) => figures::run(arguments, &session),
         Command::Demo(arguments) => demo::run(arguments, &session),
+        Command::Completions(arguments) => completions::run(arguments, &mut Arguments::command()),
+        Command::Man(arguments) => man::run(arguments, &session, Arguments::command()),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
@@ -121,10 +151,29 @@ pub fn main() -> ExitCode {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::CommandFactory;
 
     #[test]
     fn the_arguments_are_consistent() {
         Arguments::command().debug_assert();
+    }
+
+    #[test]
+    fn every_example_in_the_help_is_one_that_the_command_takes() {
+        let mut all = Arguments::command();
+        all.build();
+        let visible = all.get_subcommands().filter(|it| !it.is_hide_set() && it.get_name() != "help");
+        for command in visible.chain([&all]) {
+            let help = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+            let lines: Vec<&str> =
+                help.lines().map(str::trim).filter(|it| it.starts_with("schuler ")).collect();
+            assert!(!lines.is_empty(), "{}: no examples", command.get_name());
+            for line in lines {
+                let typed = line.split(" > ").next().unwrap_or_default();
+                let quoted = typed.replace("'my_tool {case}'", "my_tool");
+                if let Err(error) = Arguments::try_parse_from(quoted.split_whitespace()) {
+                    panic!("{line}: {error}");
+                }
+            }
+        }
     }
 }

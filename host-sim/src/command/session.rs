@@ -1,5 +1,6 @@
 //! What every command shares: where results, progress and warnings go, and whether the user wants to stop.
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use schuler_explain::watch::{Phase, Watch};
 use serde::Serialize;
 
 use super::Failure;
@@ -9,6 +10,8 @@ use crate::output::{Interrupt, Interrupted};
 const REDRAWS: u8 = 10;
 /// Steps between looks at the clock and at the user's wishes.
 const STRIDE: usize = 256;
+/// Parts of a phase that a bar shows.
+const PARTS: u64 = 1000;
 /// Exit status of a process that its user has stopped.
 const STOPPED: i32 = 130;
 
@@ -37,31 +40,25 @@ impl Session {
 
     /// A progress bar on standard error; not there with `--quiet` or where standard error is no terminal.
     pub(super) fn progress(&self, label: &str, length: usize) -> Progress<'_> {
-        let target = if self.quiet {
-            ProgressDrawTarget::hidden()
-        } else {
-            ProgressDrawTarget::stderr_with_hz(REDRAWS)
-        };
         let template = "{msg:<24} [{bar:40}] {percent:>3} %  {elapsed_precise} / {duration_precise}";
-        let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
-        let bar = ProgressBar::with_draw_target(Some(length as u64), target).with_style(style);
-        bar.set_message(label.to_owned());
-        Progress { bar, interrupt: &self.interrupt }
+        self.bar(label, length as u64, template)
     }
 
-    /// A sign on standard error that work of unknown length goes on, until it is dropped.
-    pub(super) fn waiting(&self, label: &str) -> Waiting {
+    /// The same for work in phases, of which it is not known how often they come round: the bar is that of the phase.
+    pub(super) fn phases(&self) -> Progress<'_> {
+        self.bar("", PARTS, "{msg:<24} [{bar:40}] {elapsed_precise}")
+    }
+
+    fn bar(&self, label: &str, length: u64, template: &str) -> Progress<'_> {
         let target = if self.quiet {
             ProgressDrawTarget::hidden()
         } else {
             ProgressDrawTarget::stderr_with_hz(REDRAWS)
         };
-        let style = ProgressStyle::with_template("{msg:<24} {spinner}  {elapsed_precise}");
-        let bar = ProgressBar::with_draw_target(None, target)
-            .with_style(style.unwrap_or_else(|_| ProgressStyle::default_spinner()));
+        let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
+        let bar = ProgressBar::with_draw_target(Some(length), target).with_style(style);
         bar.set_message(label.to_owned());
-        bar.enable_steady_tick(std::time::Duration::from_millis(1000 / u64::from(REDRAWS)));
-        Waiting(bar)
+        Progress { bar, interrupt: &self.interrupt }
     }
 
     /// Warns, one line each, on standard error.
@@ -77,27 +74,23 @@ impl Session {
         result: &T,
         text: impl FnOnce(&T) -> String,
     ) -> Result<(), Failure> {
-        use std::io::Write;
         let printed = if self.json {
             let json = serde_json::to_string_pretty(result).map_err(|error| Failure::Other(error.into()))?;
             json + "\n"
         } else {
             text(result)
         };
-        match std::io::stdout().lock().write_all(printed.as_bytes()) {
-            // Whoever reads has had enough.
-            Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure::Other(error.into())),
-            _ => Ok(()),
-        }
+        print(printed.as_bytes())
     }
 }
 
-/// Work of unknown length.
-pub(super) struct Waiting(ProgressBar);
-
-impl Drop for Waiting {
-    fn drop(&mut self) {
-        self.0.finish_and_clear();
+/// Writes to standard output.
+pub(super) fn print(printed: &[u8]) -> Result<(), Failure> {
+    use std::io::Write;
+    match std::io::stdout().lock().write_all(printed) {
+        // Whoever reads has had enough.
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure::Other(error.into())),
+        _ => Ok(()),
     }
 }
 
@@ -137,6 +130,17 @@ impl Progress<'_> {
             return self.interrupt.check();
         }
         Ok(())
+    }
+}
+
+impl Watch for Progress<'_> {
+    fn is_cancelled(&self) -> bool {
+        self.interrupt.check().is_err()
+    }
+
+    fn progress(&self, phase: Phase, part: f64) {
+        self.bar.set_message(phase.to_string());
+        self.bar.set_position((part * PARTS as f64) as u64);
     }
 }
 

@@ -18,8 +18,18 @@ const PANELS: usize = 6;
 /// Name under which the scenario is kept beside what it gave.
 const SCENARIO: &str = "scenario.toml";
 
+/// What its help teaches.
+const EXAMPLES: &str = "\
+Examples:
+  A recording, its case and the truth, from a scenario; the same seed gives the same bytes:
+    schuler simulate host-sim/scenarios/demo.toml --out out/flight
+
+  The same flight with other noise, and drawn:
+    schuler simulate host-sim/scenarios/demo.toml --seed 7 --plot png --out out/flight_7";
+
 /// What to simulate.
 #[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
 pub(super) struct Arguments {
     /// Scenario file.
     scenario: PathBuf,

@@ -1,5 +1,4 @@
 //! What the tests on the emulated target share.
-#![allow(dead_code)] // Each test binary uses a part.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -12,7 +11,6 @@ use host_sim::emulator::{Emulator, Image, TargetError, Transport, build};
 pub(crate) mod flight;
 
 /// Prints past the capture of the test harness: measured speeds and skipped tests are to be seen.
-#[macro_export]
 macro_rules! say {
     ($($text:tt)*) => {{
         use std::io::Write as _;

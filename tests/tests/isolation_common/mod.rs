@@ -1,5 +1,5 @@
 //! What the isolation tests share.
-#![allow(dead_code, unreachable_pub)]
+#![allow(unreachable_pub)]
 use nalgebra::{Matrix5x3, SVector, Vector2};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_distr::StandardNormal;
