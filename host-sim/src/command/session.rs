@@ -50,7 +50,7 @@ impl Session {
     }
 
     /// A sign on standard error that work of unknown length goes on, until it is dropped.
-    pub(super) fn waiting(&self, label: &str) -> Waiting {
+    pub(super) fn waiting(&self, label: &str) -> Waiting<'_> {
         let target = if self.quiet {
             ProgressDrawTarget::hidden()
         } else {
@@ -61,7 +61,7 @@ impl Session {
             .with_style(style.unwrap_or_else(|_| ProgressStyle::default_spinner()));
         bar.set_message(label.to_owned());
         bar.enable_steady_tick(std::time::Duration::from_millis(1000 / u64::from(REDRAWS)));
-        Waiting(bar)
+        Waiting { bar, interrupt: &self.interrupt }
     }
 
     /// Warns, one line each, on standard error.
@@ -93,11 +93,21 @@ impl Session {
 }
 
 /// Work of unknown length.
-pub(super) struct Waiting(ProgressBar);
+pub(super) struct Waiting<'s> {
+    bar: ProgressBar,
+    interrupt: &'s Interrupt,
+}
 
-impl Drop for Waiting {
+impl Waiting<'_> {
+    /// An error once the user wants to stop.
+    pub(super) fn check(&self) -> Result<(), Interrupted> {
+        self.interrupt.check()
+    }
+}
+
+impl Drop for Waiting<'_> {
     fn drop(&mut self) {
-        self.0.finish_and_clear();
+        self.bar.finish_and_clear();
     }
 }
 
