@@ -13,6 +13,8 @@
 //! | [`case::case`] | a case file | an error by line, or a case that is written and read back the same |
 //! | [`table::text`] | CSV or gzipped CSV | an error, or columns of one length of finite numbers and NaN |
 //! | [`table::parquet`] | a Parquet file | the same |
+//! | [`table::ulog`] | a ULog file | the same, and the rows of a topic by themselves as beside others |
+//! | [`table::mcap`] | an MCAP file, or messages in a sound one | the same |
 //! | [`recording::recording`] | a table under a fixed case | an error, or times that increase and series of one length |
 //! | [`flight::step`] | configuration, readings, commands, clock | finite outputs in range |
 //! | [`flight::configuration`] | a module's configuration | refused, or it flies without a panic |
@@ -45,7 +47,7 @@ pub struct Target {
 }
 
 /// All targets.
-pub const TARGETS: [Target; 11] = [
+pub const TARGETS: [Target; 13] = [
     Target { name: "link_decoder", run: link::decoder, seeds: seeds::frames },
     Target { name: "link_message", run: link::message, seeds: seeds::messages },
     Target { name: "link_endpoint", run: link::endpoint, seeds: seeds::noise },
@@ -53,6 +55,8 @@ pub const TARGETS: [Target; 11] = [
     Target { name: "case", run: case::case, seeds: seeds::cases },
     Target { name: "table_text", run: table::text, seeds: seeds::text_tables },
     Target { name: "table_parquet", run: table::parquet, seeds: seeds::parquet_tables },
+    Target { name: "table_ulog", run: table::ulog, seeds: seeds::ulog_tables },
+    Target { name: "table_mcap", run: table::mcap, seeds: seeds::mcap_tables },
     Target { name: "recording", run: recording::recording, seeds: seeds::text_tables },
     Target { name: "flight_step", run: flight::step, seeds: seeds::noise },
     Target { name: "flight_configuration", run: flight::configuration, seeds: seeds::configurations },

@@ -156,3 +156,116 @@ fn parquet_table(compression: Compression) -> Result<Vec<u8>, ParquetError> {
     writer.close()?;
     Ok(bytes)
 }
+
+/// ULog files: formats in formats, two topics, text, a dropout, data appended, and what is no message.
+pub fn ulog_tables() -> Vec<Vec<u8>> {
+    fn add(log: &mut Vec<u8>, kind: u8, content: &[&[u8]]) {
+        let content = content.concat();
+        log.extend((content.len() as u16).to_le_bytes());
+        log.push(kind);
+        log.extend(content);
+    }
+    let seed = |appended: u64| {
+        let mut log = b"ULog\x01\x12\x35\x01\0\0\0\0\0\0\0\0".to_vec();
+        let incompatible = u64::from(appended > 0).to_le_bytes();
+        add(&mut log, b'B', &[&[0; 8], &incompatible, &appended.to_le_bytes(), &[0; 16]]);
+        add(&mut log, b'I', &[&[16], b"char[3] sys_name", b"PX4"]);
+        add(&mut log, b'F', &[b"esc:int8_t[2] load;bool on;uint8_t _padding0;"]);
+        add(&mut log, b'F', &[b"gyro:uint64_t timestamp;float x;esc[2] escs;char[4] id;"]);
+        add(&mut log, b'F', &[b"temp:uint64_t timestamp;double t;"]);
+        add(&mut log, b'A', &[&[0, 1, 0], b"gyro"]);
+        add(&mut log, b'A', &[&[1, 2, 0], b"temp"]);
+        for row in 0..4_u8 {
+            add(
+                &mut log,
+                b'D',
+                &[&[1, 0], &[10 * row, 0, 0, 0, 0, 0, 0, 0], &[0, 0, 0x80, 0x3f], &[row; 12]],
+            );
+            if row == 1 {
+                add(&mut log, b'O', &[&[9, 0]]);
+                add(&mut log, b'D', &[&[2, 0], &[12, 0, 0, 0, 0, 0, 0, 0], &21.5_f64.to_le_bytes()]);
+                log.extend([0; 5]);
+                add(&mut log, b'S', &[&[0x2f, 0x73, 0x13, 0x20, 0x25, 0x0c, 0xbb, 0x12]]);
+            }
+        }
+        add(&mut log, b'R', &[&[2, 0]]);
+        log
+    };
+    let length = seed(0).len() as u64;
+    vec![seed(0), seed(length - 20)]
+}
+
+/// Encoding of messages, encoding of schemas, name of the message, for each kind of messages.
+const KINDS: [[&str; 3]; 5] = [
+    ["json", "jsonschema", "a"],
+    ["protobuf", "protobuf", "b.I"],
+    ["ros1", "ros1msg", "b/I"],
+    ["cdr", "ros2msg", "b/msg/I"],
+    ["cdr", "ros2idl", "b/msg/I"],
+];
+
+/// An MCAP file with messages of one kind: `content` is the definition, behind two bytes of its length, and messages, each
+/// behind a byte of its length.
+///
+/// # Errors
+/// When it cannot be written.
+pub fn mcap_of(kind: u8, content: &[u8]) -> Result<Vec<u8>, mcap::McapError> {
+    let [encoding, schema_encoding, name] = KINDS[usize::from(kind) % KINDS.len()];
+    let (length, content) = content.split_first_chunk().unwrap_or((&[0, 0], content));
+    let (schema, mut messages) = content.split_at(content.len().min(u16::from_le_bytes(*length).into()));
+    let mut file = std::io::Cursor::new(Vec::new());
+    let compression = if kind & 0x80 == 0 { None } else { Some(mcap::Compression::Lz4) };
+    let mut writer = mcap::WriteOptions::new().compression(compression).create(&mut file)?;
+    let schema = writer.add_schema(name, schema_encoding, schema)?;
+    let channel_id = writer.add_channel(schema, "/a", encoding, &std::collections::BTreeMap::new())?;
+    let mut log_time = 0;
+    while let Some((&length, rest)) = messages.split_first() {
+        let (message, rest) = rest.split_at(rest.len().min(length.into()));
+        let header = mcap::records::MessageHeader { channel_id, sequence: 0, log_time, publish_time: 5 };
+        writer.write_to_known_channel(&header, message)?;
+        log_time += 1_000_000;
+        messages = rest;
+    }
+    writer.finish()?;
+    drop(writer);
+    Ok(file.into_inner())
+}
+
+/// Whole MCAP files, and for each kind of messages a definition with messages of it.
+pub fn mcap_tables() -> Vec<Vec<u8>> {
+    fn content(kind: u8, definition: &[u8], messages: &[&[u8]]) -> Vec<u8> {
+        let mut content = vec![kind];
+        content.extend((definition.len() as u16).to_le_bytes());
+        content.extend(definition);
+        for message in messages {
+            content.push(message.len() as u8);
+            content.extend(*message);
+        }
+        content
+    }
+    let ros = b"b/H header\nfloat64[2] x # two\nfloat32[] y\nstring n\nuint8 OK=1\n===\nMSG: b/H\nbuiltin_interfaces/Time stamp\nbool ok";
+    let ros1 = b"time stamp\nint16[] x\nstring n\nb/V v\n===\nMSG: b/V\nfloat32 x";
+    // FileDescriptorSet of `package b; message I { double x = 1; repeated int32 y = 2; I i = 3; }`, proto3.
+    let protobuf = b"\x0a:\x0a\x01a\x12\x01b\x22*\x0a\x01I\x12\x09\x0a\x01x\x18\x01 \x01(\x01\x12\x09\x0a\x01y\x18\x02 \x03(\x05\x12\x0f\x0a\x01i\x18\x03 \x01(\x0b2\x04.b.Ib\x06proto3";
+    let mut seeds = vec![
+        content(0, b"{}", &[br#"{"t":{"sec":1,"nsec":5},"x":[0.5,null],"n":"a"}"#, br#"{"x":[1e-9,true,{"y":-2}]}"#]),
+        content(0x81, protobuf, &[b"\x09\0\0\0\0\0\0\xf0\x3f\x12\x02\x01\x02\x1a\x02\x10\x07"]),
+        content(2, ros1, &[b"\x01\0\0\0\x02\0\0\0\x02\0\0\0\x05\0\x06\0\x01\0\0\0n\0\0\x80\x3f"]),
+        content(
+            3,
+            ros,
+            &[
+                b"\0\x01\0\0\x01\0\0\0\x02\0\0\0\x01\0\0\0\0\0\0\0\0\0\0\0\0\0\xf0\x3f\0\0\0\0\0\0\0\x40\x01\0\0\0\0\0\x80\x3f\
+                \x02\0\0\0n\0",
+                b"\0\x01\0\0\0\0\0\0",
+            ],
+        ),
+    ];
+    for seed in seeds.clone() {
+        if let Some((&kind, content)) = seed.split_first() {
+            seeds.extend(mcap_of(kind, content));
+            seeds.extend(mcap_of(kind ^ 0x80, content));
+        }
+    }
+    seeds
+}

@@ -3,6 +3,8 @@ use std::path::Path;
 
 use schuler_recording::table::{Columns, open_bytes};
 
+use crate::seeds;
+
 /// Columns that are read: an exploding header must not be multiplied.
 const WANTED: usize = 8;
 
@@ -14,6 +16,38 @@ pub fn text(data: &[u8]) {
 /// A Parquet file.
 pub fn parquet(data: &[u8]) {
     check(data);
+}
+
+/// A ULog file.
+pub fn ulog(data: &[u8]) {
+    check(data);
+    topics_alone(data);
+}
+
+/// An MCAP file; or behind a byte that is not the first of one, the messages of one of its kinds, their definition before
+/// them.
+pub fn mcap(data: &[u8]) {
+    let whole = match data.split_first() {
+        Some((&kind, content)) if kind != ::mcap::MAGIC[0] => match seeds::mcap_of(kind, content) {
+            Ok(whole) => whole,
+            Err(_) => return,
+        },
+        _ => data.to_vec(),
+    };
+    check(&whole);
+    topics_alone(&whole);
+}
+
+/// The first column of each topic is the same whatever stands beside it.
+fn topics_alone(data: &[u8]) {
+    let open = || open_bytes(Path::new("table"), data.to_vec());
+    let Ok(table) = open() else { return };
+    let all: Vec<usize> = (0..table.names().len().min(WANTED)).collect();
+    let Ok(together) = table.read(&all) else { return };
+    let alone = open().expect("it was opened before").read(&[0]).expect("it was read before");
+    assert_eq!(alone.lines, together.lines);
+    let bits = |values: &[f64]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+    assert_eq!(alone.values.first().map(|it| bits(it)), together.values.first().map(|it| bits(it)));
 }
 
 fn check(data: &[u8]) {
@@ -36,10 +70,12 @@ fn columns_agree(columns: &Columns, wanted: usize) {
     assert!(columns.lines.is_sorted());
 }
 
-/// Panics of the Parquet decoder are caught by the reader and are no finds: they are not to end the fuzzer.
+/// Panics of the decoders of others are caught by the reader and are no finds: they are not to end the fuzzer.
 pub fn expect_panics_of_the_decoder() {
     std::panic::set_hook(Box::new(|info| {
-        if info.location().is_none_or(|place| !place.file().contains("/parquet-")) {
+        let decoders = ["/parquet-", "/mcap-", "/prost-"];
+        if info.location().is_none_or(|place| !decoders.iter().any(|decoder| place.file().contains(decoder)))
+        {
             eprintln!("{info}");
         }
     }));

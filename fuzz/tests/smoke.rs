@@ -99,6 +99,8 @@ targets!(
     case,
     table_text,
     table_parquet,
+    table_ulog,
+    table_mcap,
     recording,
     flight_step,
     flight_configuration,

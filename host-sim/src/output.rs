@@ -35,7 +35,7 @@ impl Interrupt {
 ///
 /// # Errors
 /// As `write`, or when the file cannot be made or put in place.
-pub fn atomically(path: &Path, write: impl FnOnce(&Path) -> Result<(), Error>) -> Result<(), Error> {
+pub fn atomically<T, E: From<Error>>(path: &Path, write: impl FnOnce(&Path) -> Result<T, E>) -> Result<T, E> {
     let unwritable = |error: &std::io::Error| Error::io(path, "write the file", error);
     let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let directory = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -45,9 +45,10 @@ pub fn atomically(path: &Path, write: impl FnOnce(&Path) -> Result<(), Error>) -
         .tempfile_in(directory)
         .map_err(|error| unwritable(&error))?
         .into_temp_path();
-    write(&temporary)?;
+    let written = write(&temporary)?;
     readable_by_all(&temporary).map_err(|error| unwritable(&error))?;
-    temporary.persist(path).map_err(|error| unwritable(&error.error))
+    temporary.persist(path).map_err(|error| unwritable(&error.error))?;
+    Ok(written)
 }
 
 /// Writes bytes to `path`, whole or not at all.
@@ -55,15 +56,21 @@ pub fn atomically(path: &Path, write: impl FnOnce(&Path) -> Result<(), Error>) -
 /// # Errors
 /// When the file cannot be written.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), Error> {
-    if let Some(directory) = path.parent().filter(|p| !p.as_os_str().is_empty()) {
-        std::fs::create_dir_all(directory)
-            .map_err(|error| Error::io(directory, "make the directory", &error))?;
-    }
+    make_directory_of(path)?;
     atomically(path, |temporary| {
         std::fs::File::create(temporary)
             .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
             .map_err(|error| Error::io(path, "write the file", &error))
     })
+}
+
+/// Makes the directory that `path` is in, if it is not there.
+///
+/// # Errors
+/// When it cannot be made.
+pub fn make_directory_of(path: &Path) -> Result<(), Error> {
+    let Some(directory) = path.parent().filter(|p| !p.as_os_str().is_empty()) else { return Ok(()) };
+    std::fs::create_dir_all(directory).map_err(|error| Error::io(directory, "make the directory", &error))
 }
 
 /// Temporary files are for their owner alone; results are not.
@@ -89,7 +96,7 @@ mod tests {
         write(&path, b"old").unwrap();
         let failed = atomically(&path, |temporary| {
             std::fs::write(temporary, b"half").unwrap();
-            Err(Error::one(&path, schuler_recording::Problem::of_file("broken")))
+            Err::<(), _>(Error::one(&path, schuler_recording::Problem::of_file("broken")))
         });
         assert!(failed.is_err());
         assert_eq!(std::fs::read(&path).unwrap(), b"old");

@@ -14,6 +14,7 @@ mod firmware_counts;
 mod firmware_faults;
 mod firmware_image;
 mod firmware_serial;
+mod formats;
 mod golden_filter;
 mod golden_identification;
 mod health_acceptance;

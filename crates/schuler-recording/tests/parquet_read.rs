@@ -111,7 +111,7 @@ fn a_file_on_which_the_decoder_panics_is_an_error() {
 #[test]
 fn a_case_reads_the_same_from_csv_and_from_parquet() {
     let directory = tempfile::tempdir().unwrap();
-    let time: Vec<f64> = (0..ROWS).map(|row| time_ms(row) as f64 * 1e-3).collect();
+    let time: Vec<f64> = (0..ROWS).map(|row| time_ms(row) as f64 / 1e3).collect();
     let unless = |every: usize, value: &dyn Fn(usize) -> f64| -> Vec<f64> {
         (0..ROWS).map(|row| if row % every == 0 { f64::NAN } else { value(row) }).collect()
     };

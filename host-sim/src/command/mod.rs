@@ -7,6 +7,7 @@
 //! | `identify` | a case → noise of each sensor |
 //! | `explain` | a case → what its simulation leaves out |
 //! | `campaign` | many cases with concealed effects, scored |
+//! | `convert` | a table, or a case with its table → another format |
 //! | `calibrate` | a calibration run → coefficients, what was observable, compensation file |
 //! | `compare-isolation` | every way of isolating a gyro against the optimum |
 //! | `figures` | the figures of the documentation |
@@ -20,6 +21,7 @@ mod calibrate;
 mod campaign;
 mod compare_isolation;
 mod completions;
+mod convert;
 mod demo;
 mod explain;
 mod figures;
@@ -81,6 +83,8 @@ enum Command {
     Identify(identify::Arguments),
     /// Find where a recording differs from its simulation, and which physics was left out.
     Explain(explain::Arguments),
+    /// Write a table, or a case with its table, in another format.
+    Convert(convert::Arguments),
     /// Conceal effects in many cases, look for them, and score what was found.
     Campaign(campaign::Arguments),
     /// Find all thermal coefficients from one run at changing temperature, and what it cannot tell.
@@ -131,6 +135,7 @@ pub fn main() -> ExitCode {
         Command::Fly(arguments) => fly::run(arguments, &session),
         Command::Identify(arguments) => identify::run(arguments, &session),
         Command::Explain(arguments) => explain::run(arguments, &session),
+        Command::Convert(arguments) => convert::run(arguments, &session),
         Command::Campaign(arguments) => campaign::run(arguments, &session),
         Command::Calibrate(arguments) => calibrate::run(arguments, &session),
         Command::CompareIsolation(arguments) => compare_isolation::run(arguments, &session),

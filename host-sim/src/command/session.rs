@@ -49,6 +49,13 @@ impl Session {
         self.bar("", PARTS, "{msg:<24} [{bar:40}] {elapsed_precise}")
     }
 
+    /// A sign on standard error that work of unknown length goes on, until it is dropped.
+    pub(super) fn waiting(&self, label: &str) -> Progress<'_> {
+        let progress = self.bar(label, 0, "{msg:<24} {spinner}  {elapsed_precise}");
+        progress.bar.enable_steady_tick(std::time::Duration::from_millis(1000 / u64::from(REDRAWS)));
+        progress
+    }
+
     fn bar(&self, label: &str, length: u64, template: &str) -> Progress<'_> {
         let target = if self.quiet {
             ProgressDrawTarget::hidden()

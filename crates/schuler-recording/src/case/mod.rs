@@ -70,6 +70,24 @@ impl Case {
     }
 }
 
+impl Case {
+    /// The columns of the table that the case names, each once; the time first.
+    pub fn columns(&self) -> Vec<&str> {
+        let mut columns = vec![self.recording.time.as_str()];
+        columns.extend(self.sensors.iter().map(|sensor| sensor.column.as_str()));
+        columns.extend(self.auxiliaries.iter().map(|auxiliary| auxiliary.column.as_str()));
+        let dependences = self.sensors.iter().filter_map(|sensor| sensor.nominal.temperature_bias.as_ref());
+        columns.extend(dependences.map(|dependence| dependence.column.as_str()));
+        let Motion { rate, specific_force, velocity_ned, attitude_rad, .. } = &self.motion;
+        let motion = [rate, specific_force, velocity_ned, attitude_rad].into_iter().flatten().flatten();
+        columns.extend(motion.map(String::as_str));
+        columns.extend(self.table().map(|table| table.column.as_str()));
+        let mut seen = std::collections::HashSet::new();
+        columns.retain(|column| seen.insert(*column));
+        columns
+    }
+}
+
 /// Where the table is and what its time means.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Source {

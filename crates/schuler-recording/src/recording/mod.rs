@@ -112,7 +112,8 @@ impl Recording {
     /// As [`of_case`](Self::of_case).
     pub fn of_table(file: CaseFile, table: Box<dyn TableReader>) -> Result<Self, Error> {
         let table_path = file.table_path();
-        let mut wanted = Wanted::new(&file, table.names());
+        let mut wanted = Wanted::new(&file, &*table);
+        // First: of a log it decides what the rows are.
         let time = wanted.column(&file.case.recording.time, "recording.time");
         let sensors: Vec<usize> = (file.case.sensors.iter().enumerate())
             .map(|(index, sensor)| wanted.column(&sensor.column, &format!("sensor[{index}].column")))
@@ -269,19 +270,19 @@ fn all_auxiliaries(case: &Case) -> Vec<(Auxiliary, String)> {
 /// The columns that a case asks of its table.
 struct Wanted<'f> {
     file: &'f CaseFile,
-    names: &'f [String],
+    table: &'f dyn TableReader,
     indices: Vec<usize>,
     problems: Vec<Problem>,
 }
 
 impl<'f> Wanted<'f> {
-    fn new(file: &'f CaseFile, names: &'f [String]) -> Self {
-        Self { file, names, indices: Vec::new(), problems: Vec::new() }
+    fn new(file: &'f CaseFile, table: &'f dyn TableReader) -> Self {
+        Self { file, table, indices: Vec::new(), problems: Vec::new() }
     }
 
     /// Asks for the column `name`, which stands at `path` in the case; returns its place among the columns asked for.
     fn column(&mut self, name: &str, path: &str) -> usize {
-        match table::column_index(self.names, name) {
+        match self.table.index(name) {
             Ok(index) => self.indices.push(index),
             Err(message) => self.problems.push(Problem::new(self.file.lines.get(path), path, message)),
         }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use csv::{ByteRecord, ReaderBuilder};
 
-use super::{BUFFER_BYTES, Columns, TableReader};
+use super::{BUFFER_BYTES, CHUNK_ROWS, Chunks, Columns, TableReader};
 use crate::error::{Error, Problem};
 
 /// How much of a bad cell is shown.
@@ -75,53 +75,79 @@ impl TableReader for CsvTable {
         &self.names
     }
 
-    fn read(mut self: Box<Self>, wanted: &[usize]) -> Result<Columns, Error> {
-        let mut columns = Columns {
-            values: vec![Vec::new(); wanted.len()],
-            infinite: vec![0; wanted.len()],
-            ..Columns::default()
-        };
-        let mut row = ByteRecord::new();
-        // A short row is an error unless it is the last: a recorder that lost its power leaves one.
-        let mut short_row: Option<(u64, usize)> = None;
-        loop {
-            if !self.reader.read_byte_record(&mut row).map_err(|error| csv_error(&self.path, &error))? {
+    fn chunks(self: Box<Self>, wanted: &[usize]) -> Result<Chunks, Error> {
+        let wanted = wanted.to_vec();
+        Ok(Box::new(CsvRows { table: *self, wanted, row: ByteRecord::new(), short_row: None, ended: false }))
+    }
+}
+
+/// The rows of a CSV table.
+struct CsvRows {
+    table: CsvTable,
+    wanted: Vec<usize>,
+    row: ByteRecord,
+    /// A short row, which is an error unless it is the last: a recorder that lost its power leaves one.
+    short_row: Option<(u64, usize)>,
+    ended: bool,
+}
+
+impl Iterator for CsvRows {
+    type Item = Result<Columns, Error>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.ended {
+            return None;
+        }
+        let chunk = self.chunk();
+        self.ended |= chunk.is_err();
+        Some(chunk)
+    }
+}
+
+impl CsvRows {
+    fn chunk(&mut self) -> Result<Columns, Error> {
+        let table = &mut self.table;
+        let mut columns = Columns::none(self.wanted.len());
+        while columns.rows() < CHUNK_ROWS {
+            if !table
+                .reader
+                .read_byte_record(&mut self.row)
+                .map_err(|error| csv_error(&table.path, &error))?
+            {
+                self.ended = true;
                 break;
             }
-            let next_line = self.reader.position().line();
-            let last_line = if self.crlf { next_line } else { next_line.saturating_sub(1) };
+            let row = &self.row;
+            let next_line = table.reader.position().line();
+            let last_line = if table.crlf { next_line } else { next_line.saturating_sub(1) };
             let line = row.position().map_or(0, csv::Position::line).max(last_line);
             if row.len() == 1
                 && row.get(0).is_some_and(|cell| cell.trim_ascii().is_empty())
-                && self.names.len() > 1
+                && table.names.len() > 1
             {
                 continue;
             }
-            if let Some((line, cells)) = short_row {
-                return Err(self.bad_length(line, cells));
+            if let Some((line, cells)) = self.short_row {
+                return Err(table.bad_length(line, cells));
             }
-            if row.len() < self.names.len() {
-                short_row = Some((line, row.len()));
+            if row.len() < table.names.len() {
+                self.short_row = Some((line, row.len()));
                 continue;
             }
-            if row.iter().skip(self.names.len()).any(|cell| !cell.trim_ascii().is_empty()) {
-                return Err(self.bad_length(line, row.len()));
+            if row.iter().skip(table.names.len()).any(|cell| !cell.trim_ascii().is_empty()) {
+                return Err(table.bad_length(line, row.len()));
             }
-            for ((&column, values), infinite) in
-                wanted.iter().zip(&mut columns.values).zip(&mut columns.infinite)
-            {
+            for (place, &column) in self.wanted.iter().enumerate() {
                 let cell = row.get(column).unwrap_or_default();
-                let value = number(cell).ok_or_else(|| self.bad_cell(line, column, cell))?;
-                *infinite += usize::from(value.is_infinite());
-                values.push(if value.is_finite() { value } else { f64::NAN });
+                columns.push(place, number(cell).ok_or_else(|| table.bad_cell(line, column, cell))?);
             }
             columns.lines.push(line);
         }
-        if let Some((line, cells)) = short_row {
+        if let Some((line, cells)) = self.short_row.filter(|_| self.ended) {
             columns.warnings.push(format!(
                 "{}:{line}: the last row has {cells} of {} cells and is left out",
-                self.path.display(),
-                self.names.len()
+                table.path.display(),
+                table.names.len()
             ));
         }
         Ok(columns)
@@ -153,21 +179,38 @@ fn csv_error(path: &Path, error: &csv::Error) -> Error {
     Error::one(path, Problem::new(line, "", message))
 }
 
-/// Writes columns of `rows` rows.
-pub(super) fn write(sink: impl Write, columns: &[(&str, &[f64])], rows: usize) -> io::Result<()> {
-    let mut writer = csv::WriterBuilder::new().buffer_capacity(BUFFER_BYTES).from_writer(sink);
-    writer.write_record(columns.iter().map(|(name, _)| name))?;
-    let mut cell = Vec::new();
-    for row in 0..rows {
-        for (_, values) in columns {
-            cell.clear();
-            if let Some(value) = values.get(row).filter(|value| !value.is_nan()) {
-                // Debug prints the shortest digits that round-trip, with an exponent where that is shorter.
-                write!(cell, "{value:?}")?;
-            }
-            writer.write_field(&cell)?;
-        }
-        writer.write_record(None::<&[u8]>)?;
+/// Writes rows beneath a header.
+pub(super) struct CsvWriter<W: Write> {
+    writer: csv::Writer<W>,
+    cell: Vec<u8>,
+}
+
+impl<W: Write> CsvWriter<W> {
+    /// Writes the header.
+    pub(super) fn new(sink: W, names: &[&str]) -> io::Result<Self> {
+        let mut writer = csv::WriterBuilder::new().buffer_capacity(BUFFER_BYTES).from_writer(sink);
+        writer.write_record(names)?;
+        Ok(Self { writer, cell: Vec::new() })
     }
-    writer.flush()
+
+    /// Writes rows, given by columns of one length.
+    pub(super) fn write(&mut self, columns: &[&[f64]]) -> io::Result<()> {
+        for row in 0..columns.first().map_or(0, |values| values.len()) {
+            for values in columns {
+                self.cell.clear();
+                if let Some(value) = values.get(row).filter(|value| !value.is_nan()) {
+                    // Debug prints the shortest digits that round-trip, with an exponent where that is shorter.
+                    write!(self.cell, "{value:?}")?;
+                }
+                self.writer.write_field(&self.cell)?;
+            }
+            self.writer.write_record(None::<&[u8]>)?;
+        }
+        Ok(())
+    }
+
+    /// Hands the sink back when everything is in it.
+    pub(super) fn finish(self) -> io::Result<W> {
+        self.writer.into_inner().map_err(|error| io::Error::new(error.error().kind(), error.to_string()))
+    }
 }

@@ -1,23 +1,49 @@
 //! Tables of numbers: named columns, one row a step; empty, null or `nan` = missing.
 //!
-//! CSV, gzipped CSV and Parquet, each known by its first bytes, whatever the name. A further format is one more
-//! [`TableReader`] and one more arm of [`open`].
+//! | format | known by | columns are called |
+//! | --- | --- | --- |
+//! | CSV, gzipped CSV | being none of the others | as in its header row |
+//! | Parquet | `PAR1` | as in its schema; time stamps are in seconds |
+//! | MCAP | its magic bytes | `TOPIC.FIELD`: `/imu.angular_velocity.x`, `/imu.header.stamp`, `/imu@log_time` |
+//! | PX4 ULog | its magic bytes | `TOPIC_INSTANCE.FIELD`: `sensor_gyro_0.x`, `sensor_gyro_0.timestamp` |
+//!
+//! A format is known by its first bytes, whatever the name. Readers go through a file a chunk of rows at a time
+//! ([`TableReader::chunks`]), so that a file may be larger than memory; [`TableReader::read`] keeps the columns asked
+//! for, 8 bytes a value, and nothing else. MCAP and ULog hold messages of several topics at rates of their own; which
+//! of them are rows is described in [`log`].
+//!
+//! Integers of 64 bits are rounded to the nearest double, time stamps to the double nearest to the seconds they mean:
+//! a time stamp of 1 700 000 000 123 456 789 ns is the number that `1700000000.123456789` is in a CSV file. A further
+//! format is one more [`TableReader`] and one more arm of [`open`].
+mod copy;
 mod csv;
+mod join;
+pub mod log;
+mod mcap;
+mod number;
 mod parquet;
+mod seconds;
+mod ulog;
+mod write;
 
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, Cursor};
+use std::io::{self, BufRead, BufReader, Cursor, Read, Seek};
+use std::panic::{self, AssertUnwindSafe};
 use std::path::Path;
 
 use bytes::Bytes;
 use flate2::bufread::MultiGzDecoder;
-use flate2::write::GzEncoder;
 
 use crate::document::suggestion;
 use crate::error::{Error, Problem};
 
+pub use copy::{Copied, copy};
+pub use write::{Format, TableWriter, write};
+
 /// Size of the buffers between file, decompressor and parser.
 const BUFFER_BYTES: usize = 1 << 18;
+/// Rows of a chunk.
+const CHUNK_ROWS: usize = 1 << 12;
 /// First bytes of a gzip file.
 const GZIP_MAGIC: &[u8] = &[0x1f, 0x8b];
 /// First bytes of a Parquet file.
@@ -36,17 +62,92 @@ pub struct Columns {
     pub warnings: Vec<String>,
 }
 
+impl Columns {
+    /// No rows of so many columns.
+    fn none(columns: usize) -> Self {
+        Self { values: vec![Vec::new(); columns], infinite: vec![0; columns], ..Self::default() }
+    }
+
+    /// Appends a value to a column; an infinite one is missing.
+    fn push(&mut self, column: usize, value: f64) {
+        if let (Some(values), Some(infinite)) = (self.values.get_mut(column), self.infinite.get_mut(column)) {
+            *infinite += usize::from(value.is_infinite());
+            values.push(if value.is_finite() { value } else { f64::NAN });
+        }
+    }
+
+    /// Appends rows of the same columns.
+    fn append(&mut self, mut rows: Self) {
+        for (values, more) in self.values.iter_mut().zip(&mut rows.values) {
+            values.append(more);
+        }
+        for (infinite, more) in self.infinite.iter_mut().zip(rows.infinite) {
+            *infinite += more;
+        }
+        self.lines.append(&mut rows.lines);
+        self.warnings.append(&mut rows.warnings);
+    }
+
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.lines.len()
+    }
+}
+
+/// Rows of a table in chunks, in order; nothing follows an error.
+pub type Chunks = Box<dyn Iterator<Item = Result<Columns, Error>>>;
+
 /// A table that can be read once.
 pub trait TableReader {
     /// Names of all columns.
     fn names(&self) -> &[String];
 
-    /// Reads the columns with the given indices (into [`names`](Self::names)), in this order; repetitions are fine.
+    /// What the file says of itself: names and values.
+    fn metadata(&self) -> &[(String, String)] {
+        &[]
+    }
+
+    /// Index of the column `name`, or what is wrong with asking for it.
     ///
     /// # Errors
-    /// A cell that is neither a number nor missing, a row of another length, a file that cannot be read.
-    fn read(self: Box<Self>, wanted: &[usize]) -> Result<Columns, Error>;
+    /// As [`column_index`].
+    fn index(&self, name: &str) -> Result<usize, String> {
+        column_index(self.names(), name)
+    }
+
+    /// The columns that stand in the same rows, if that is all of them.
+    ///
+    /// # Errors
+    /// What rows there are to choose from, where messages of several topics are.
+    fn all(&self) -> Result<Vec<usize>, String> {
+        Ok((0..self.names().len()).collect())
+    }
+
+    /// The rows of the columns with the given indices (into [`names`](Self::names)), in this order; repetitions are
+    /// fine. Of MCAP and ULog files the first of them decides what the rows are ([`log`]).
+    ///
+    /// # Errors
+    /// Columns that cannot be read. In the chunks: a cell that is neither a number nor missing, a row of another
+    /// length, a file that cannot be read.
+    fn chunks(self: Box<Self>, wanted: &[usize]) -> Result<Chunks, Error>;
+
+    /// All rows of the columns with the given indices, as of [`chunks`](Self::chunks).
+    ///
+    /// # Errors
+    /// As [`chunks`](Self::chunks).
+    fn read(self: Box<Self>, wanted: &[usize]) -> Result<Columns, Error> {
+        let mut columns = Columns::none(wanted.len());
+        for chunk in self.chunks(wanted)? {
+            columns.append(chunk?);
+        }
+        Ok(columns)
+    }
 }
+
+/// Bytes that can be read from any place.
+trait Bytestream: Read + Seek {}
+
+impl<T: Read + Seek> Bytestream for T {}
 
 /// Opens the table at `path`.
 ///
@@ -56,9 +157,12 @@ pub fn open(path: &Path) -> Result<Box<dyn TableReader>, Error> {
     let unreadable = |error: io::Error| Error::io(path, "read the table", &error);
     let file = File::open(path).map_err(unreadable)?;
     let mut raw = BufReader::with_capacity(BUFFER_BYTES, file);
-    if raw.fill_buf().map_err(unreadable)?.starts_with(PARQUET_MAGIC) {
-        let file = File::open(path).map_err(unreadable)?;
-        return Ok(Box::new(parquet::ParquetTable::new(path, file)?));
+    let beginning = raw.fill_buf().map_err(unreadable)?;
+    if beginning.starts_with(PARQUET_MAGIC) {
+        return Ok(Box::new(parquet::ParquetTable::new(path, raw.into_inner())?));
+    }
+    if is_log(beginning) {
+        return open_log(path, raw);
     }
     open_text(path, raw)
 }
@@ -71,7 +175,23 @@ pub fn open_bytes(path: &Path, bytes: Vec<u8>) -> Result<Box<dyn TableReader>, E
     if bytes.starts_with(PARQUET_MAGIC) {
         return Ok(Box::new(parquet::ParquetTable::new(path, Bytes::from(bytes))?));
     }
+    if is_log(&bytes) {
+        return open_log(path, Cursor::new(bytes));
+    }
     open_text(path, Cursor::new(bytes))
+}
+
+fn is_log(beginning: &[u8]) -> bool {
+    beginning.starts_with(ulog::MAGIC) || beginning.starts_with(::mcap::MAGIC)
+}
+
+fn open_log(path: &Path, mut raw: impl BufRead + Seek + 'static) -> Result<Box<dyn TableReader>, Error> {
+    let beginning = raw.fill_buf().map_err(|error| Error::io(path, "read the table", &error))?;
+    Ok(if beginning.starts_with(ulog::MAGIC) {
+        Box::new(log::LogTable::new(ulog::Ulog::new(path, Box::new(raw))?)?)
+    } else {
+        Box::new(log::LogTable::new(mcap::Mcap::new(path, Box::new(raw))?)?)
+    })
 }
 
 fn open_text(path: &Path, mut raw: impl BufRead + 'static) -> Result<Box<dyn TableReader>, Error> {
@@ -104,25 +224,10 @@ pub fn column_index(names: &[String], name: &str) -> Result<usize, String> {
     }
 }
 
-/// Writes `columns` under their names to `path`, gzipped if its name ends in `.gz`.
-///
-/// Every finite value is written with the fewest digits that read back to the same bits; NaN is an empty cell.
-///
-/// # Errors
-/// Columns of different lengths, a file that cannot be written.
-pub fn write(path: &Path, columns: &[(&str, &[f64])]) -> Result<(), Error> {
-    let rows = columns.first().map_or(0, |(_, values)| values.len());
-    if let Some((name, values)) = columns.iter().find(|(_, values)| values.len() != rows) {
-        let message = format!("cannot write a column of {} rows beside one of {rows}", values.len());
-        return Err(Error::one(path, Problem::new(None, *name, message)));
-    }
-    let unwritable = |error: &io::Error| Error::io(path, "write the table", error);
-    let file = File::create(path).map_err(|error| unwritable(&error))?;
-    let written = if path.extension().is_some_and(|extension| extension == "gz") {
-        let mut encoder = GzEncoder::new(file, flate2::Compression::default());
-        csv::write(&mut encoder, columns, rows).and_then(|()| encoder.finish()).map(drop)
-    } else {
-        csv::write(file, columns, rows)
-    };
-    written.map_err(|error| unwritable(&error))
+/// The decoders' own checks end in a panic for some damaged files; here that is an error like any other.
+fn guarded<T>(path: &Path, read: impl FnOnce() -> Result<T, Error>) -> Result<T, Error> {
+    panic::catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|_| {
+        let message = "cannot read the table: its contents contradict each other; the file is damaged";
+        Err(Error::one(path, Problem::of_file(message)))
+    })
 }

@@ -1,5 +1,4 @@
 //! Tables in Parquet files: flat columns of numbers; null = missing. A column of time stamps is read in seconds.
-use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
 
 use parquet::basic::{ConvertedType, LogicalType, Repetition, TimeUnit, Type as Physical};
@@ -9,16 +8,18 @@ use parquet::errors::ParquetError;
 use parquet::file::reader::{ChunkReader, FileReader, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 
-use super::{Columns, TableReader};
+use super::seconds::seconds;
+use super::{CHUNK_ROWS, Chunks, Columns, TableReader, guarded};
 use crate::error::{Error, Problem};
 
-/// Values that are decoded at a time.
-const BATCH: usize = 1 << 14;
+/// Key under which Arrow keeps a schema of its own, which is not that of a copy.
+const ARROW_SCHEMA: &str = "ARROW:schema";
 
 /// A Parquet file of which the schema has been read.
 pub(super) struct ParquetTable<R: ChunkReader> {
     path: PathBuf,
     names: Vec<String>,
+    metadata: Vec<(String, String)>,
     reader: SerializedFileReader<R>,
 }
 
@@ -35,36 +36,15 @@ impl<R: ChunkReader + 'static> ParquetTable<R> {
         if names.is_empty() {
             return Err(Error::one(path, Problem::new(None, "", "found no columns; expected at least one")));
         }
-        Ok(Self { path: path.to_owned(), names, reader })
+        let metadata = (reader.metadata().file_metadata().key_value_metadata().into_iter().flatten())
+            .filter(|pair| pair.key != ARROW_SCHEMA)
+            .map(|pair| (pair.key.clone(), pair.value.clone().unwrap_or_default()))
+            .collect();
+        Ok(Self { path: path.to_owned(), names, metadata, reader })
     }
 
-    /// Appends the values of one column of one row group.
-    fn read_column(&self, group: usize, column: usize, values: &mut Vec<f64>) -> Result<(), Error> {
-        let name = self.names.get(column).map_or("", String::as_str);
-        let failed = |error: ParquetError| unreadable(&self.path, name, &error);
-        let descriptor = self.reader.metadata().file_metadata().schema_descr().column(column);
-        let scale =
-            scale(&descriptor).map_err(|found| Error::one(&self.path, Problem::new(None, name, found)))?;
-        let rows = self.reader.metadata().row_group(group).num_rows() as usize;
-        let group = self.reader.get_row_group(group).map_err(failed)?;
-        let reader = group.get_column_reader(column).map_err(failed)?;
-        let nullable = descriptor.max_def_level() > 0;
-        let before = values.len();
-        match reader {
-            ColumnReader::BoolColumnReader(reader) => decode(reader, nullable, f64::from, values),
-            ColumnReader::Int32ColumnReader(reader) => decode(reader, nullable, scale.of_i32(), values),
-            ColumnReader::Int64ColumnReader(reader) => decode(reader, nullable, scale.of_i64(), values),
-            ColumnReader::FloatColumnReader(reader) => decode(reader, nullable, f64::from, values),
-            ColumnReader::DoubleColumnReader(reader) => decode(reader, nullable, |value| value, values),
-            _ => Ok(()),
-        }
-        .map_err(failed)?;
-        let found = values.len() - before;
-        if found != rows {
-            let message = format!("found {found} values in a group of {rows} rows; the file is damaged");
-            return Err(Error::one(&self.path, Problem::new(None, name, message)));
-        }
-        Ok(())
+    fn open_column(&self, group: usize, column: usize) -> Result<ColumnReader, ParquetError> {
+        self.reader.get_row_group(group)?.get_column_reader(column)
     }
 }
 
@@ -73,43 +53,179 @@ impl<R: ChunkReader + 'static> TableReader for ParquetTable<R> {
         &self.names
     }
 
-    fn read(self: Box<Self>, wanted: &[usize]) -> Result<Columns, Error> {
-        let mut columns = Columns { infinite: vec![0; wanted.len()], ..Columns::default() };
-        for (&column, infinite) in wanted.iter().zip(&mut columns.infinite) {
-            let mut values = Vec::new();
-            for group in 0..self.reader.num_row_groups() {
-                guarded(&self.path, || self.read_column(group, column, &mut values))?;
-            }
-            for value in &mut values {
-                *infinite += usize::from(value.is_infinite());
-                if !value.is_finite() {
-                    *value = f64::NAN;
-                }
-            }
-            columns.values.push(values);
+    fn metadata(&self) -> &[(String, String)] {
+        &self.metadata
+    }
+
+    fn chunks(self: Box<Self>, wanted: &[usize]) -> Result<Chunks, Error> {
+        let schema = self.reader.metadata().file_metadata().schema_descr();
+        let columns = (wanted.iter())
+            .map(|&index| {
+                let name = self.names.get(index).cloned().unwrap_or_default();
+                let descriptor = schema.column(index);
+                let scale = scale(&descriptor)
+                    .map_err(|found| Error::one(&self.path, Problem::new(None, &name, found)))?;
+                Ok(Column { index, name, scale, nullable: descriptor.max_def_level() > 0 })
+            })
+            .collect::<Result<Vec<_>, Error>>()?;
+        Ok(Box::new(ParquetRows {
+            table: *self,
+            columns,
+            group: 0,
+            readers: Vec::new(),
+            left: 0,
+            row: 0,
+            ended: false,
+        }))
+    }
+}
+
+/// A column that is read.
+struct Column {
+    index: usize,
+    name: String,
+    scale: Scale,
+    nullable: bool,
+}
+
+/// The rows of a Parquet file: a page of each column is in memory at a time.
+struct ParquetRows<R: ChunkReader> {
+    table: ParquetTable<R>,
+    columns: Vec<Column>,
+    /// The row group that is read next.
+    group: usize,
+    /// The columns of the row group that is read now, and how many of its rows are left.
+    readers: Vec<ColumnReader>,
+    left: usize,
+    /// Rows read so far.
+    row: u64,
+    ended: bool,
+}
+
+impl<R: ChunkReader + 'static> Iterator for ParquetRows<R> {
+    type Item = Result<Columns, Error>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.ended {
+            return None;
         }
-        let rows = columns.values.iter().map(Vec::len).max().unwrap_or_default();
-        columns.lines = (1..=rows as u64).collect();
-        Ok(columns)
+        let path = self.table.path.clone();
+        let chunk = guarded(&path, || self.chunk()).transpose();
+        self.ended = chunk.as_ref().is_none_or(Result::is_err);
+        chunk
+    }
+}
+
+impl<R: ChunkReader + 'static> ParquetRows<R> {
+    fn chunk(&mut self) -> Result<Option<Columns>, Error> {
+        while self.left == 0 {
+            if self.group == self.table.reader.num_row_groups() {
+                return Ok(None);
+            }
+            let metadata = self.table.reader.metadata();
+            self.left = usize::try_from(metadata.row_group(self.group).num_rows()).unwrap_or_default();
+            self.readers = (self.columns.iter())
+                .map(|column| {
+                    let opened = self.table.open_column(self.group, column.index);
+                    opened.map_err(|error| unreadable(&self.table.path, &column.name, &error))
+                })
+                .collect::<Result<_, _>>()?;
+            self.group += 1;
+        }
+        let rows = self.left.min(CHUNK_ROWS);
+        let last = rows == self.left;
+        let mut chunk = Columns::none(self.columns.len());
+        for (place, (column, reader)) in self.columns.iter().zip(&mut self.readers).enumerate() {
+            let mut values = Vec::with_capacity(rows);
+            // One more than there should be, at the end of a group.
+            column
+                .decode(reader, rows + usize::from(last), &mut values)
+                .map_err(|error| unreadable(&self.table.path, &column.name, &error))?;
+            if values.len() != rows {
+                let message = "found another number of values than rows in a group; the file is damaged";
+                return Err(Error::one(&self.table.path, Problem::new(None, &column.name, message)));
+            }
+            for value in values {
+                chunk.push(place, value);
+            }
+        }
+        chunk.lines.extend(self.row + 1..=self.row + rows as u64);
+        self.row += rows as u64;
+        self.left -= rows;
+        Ok(Some(chunk))
+    }
+}
+
+impl Column {
+    /// Appends up to `most` values; nulls become NaN.
+    fn decode(
+        &self,
+        reader: &mut ColumnReader,
+        most: usize,
+        values: &mut Vec<f64>,
+    ) -> Result<(), ParquetError> {
+        match reader {
+            ColumnReader::BoolColumnReader(reader) => self.typed(reader, f64::from, most, values),
+            ColumnReader::Int32ColumnReader(reader) => self.typed(reader, self.scale.of_i32(), most, values),
+            ColumnReader::Int64ColumnReader(reader) => self.typed(reader, self.scale.of_i64(), most, values),
+            ColumnReader::FloatColumnReader(reader) => self.typed(reader, f64::from, most, values),
+            ColumnReader::DoubleColumnReader(reader) => self.typed(reader, |value| value, most, values),
+            // Refused by `scale`.
+            _ => Ok(()),
+        }
+    }
+
+    fn typed<T: DataType>(
+        &self,
+        reader: &mut ColumnReaderImpl<T>,
+        number: impl Fn(T::T) -> f64,
+        most: usize,
+        values: &mut Vec<f64>,
+    ) -> Result<(), ParquetError> {
+        let (mut present, mut levels) = (Vec::with_capacity(most), Vec::with_capacity(most));
+        while values.len() < most {
+            present.clear();
+            levels.clear();
+            let left = most - values.len();
+            let (records, ..) =
+                reader.read_records(left, self.nullable.then_some(&mut levels), None, &mut present)?;
+            if records == 0 {
+                break;
+            }
+            let mut numbers = present.drain(..).map(&number);
+            if self.nullable {
+                values.extend(
+                    levels
+                        .iter()
+                        .map(|&level| if level > 0 { numbers.next() } else { None }.unwrap_or(f64::NAN)),
+                );
+            } else {
+                values.extend(numbers);
+            }
+        }
+        Ok(())
     }
 }
 
 /// What the integers of a column mean.
 #[derive(Clone, Copy)]
 struct Scale {
-    factor: f64,
+    /// Decimal places of a time stamp's seconds.
+    places: u32,
     unsigned: bool,
 }
 
 impl Scale {
     fn of_i32(self) -> impl Fn(i32) -> f64 {
-        move |value| {
-            if self.unsigned { f64::from(value.cast_unsigned()) } else { f64::from(value) * self.factor }
-        }
+        move |value| if self.unsigned { f64::from(value.cast_unsigned()) } else { f64::from(value) }
     }
 
     fn of_i64(self) -> impl Fn(i64) -> f64 {
-        move |value| if self.unsigned { value.cast_unsigned() as f64 } else { value as f64 * self.factor }
+        move |value| match (self.unsigned, self.places) {
+            (true, _) => value.cast_unsigned() as f64,
+            (false, 0) => value as f64,
+            (false, places) => seconds(value.into(), places),
+        }
     }
 }
 
@@ -128,18 +244,18 @@ fn scale(column: &ColumnDescriptor) -> Result<Scale, String> {
     ) {
         return not_a_number(&format!("values of type {}", column.physical_type()));
     }
-    let plain = Scale { factor: 1.0, unsigned: false };
+    let plain = Scale { places: 0, unsigned: false };
     match (column.logical_type_ref(), column.converted_type()) {
         (Some(LogicalType::Timestamp(timestamp)), _) => Ok(Scale {
-            factor: match timestamp.unit {
-                TimeUnit::MILLIS => 1e-3,
-                TimeUnit::MICROS => 1e-6,
-                TimeUnit::NANOS => 1e-9,
+            places: match timestamp.unit {
+                TimeUnit::MILLIS => 3,
+                TimeUnit::MICROS => 6,
+                TimeUnit::NANOS => 9,
             },
             ..plain
         }),
-        (_, ConvertedType::TIMESTAMP_MILLIS) => Ok(Scale { factor: 1e-3, ..plain }),
-        (_, ConvertedType::TIMESTAMP_MICROS) => Ok(Scale { factor: 1e-6, ..plain }),
+        (_, ConvertedType::TIMESTAMP_MILLIS) => Ok(Scale { places: 3, ..plain }),
+        (_, ConvertedType::TIMESTAMP_MICROS) => Ok(Scale { places: 6, ..plain }),
         (
             _,
             ConvertedType::UINT_8 | ConvertedType::UINT_16 | ConvertedType::UINT_32 | ConvertedType::UINT_64,
@@ -147,41 +263,6 @@ fn scale(column: &ColumnDescriptor) -> Result<Scale, String> {
         (_, ConvertedType::DECIMAL) => not_a_number("decimal values"),
         _ => Ok(plain),
     }
-}
-
-/// Decodes a column of one row group; nulls become NaN.
-fn decode<T: DataType>(
-    mut reader: ColumnReaderImpl<T>,
-    nullable: bool,
-    number: impl Fn(T::T) -> f64,
-    values: &mut Vec<f64>,
-) -> Result<(), ParquetError> {
-    let (mut present, mut levels) = (Vec::with_capacity(BATCH), Vec::with_capacity(BATCH));
-    loop {
-        present.clear();
-        levels.clear();
-        let (records, ..) =
-            reader.read_records(BATCH, nullable.then_some(&mut levels), None, &mut present)?;
-        if records == 0 {
-            return Ok(());
-        }
-        let mut numbers = present.drain(..).map(&number);
-        if nullable {
-            values.extend(
-                levels.iter().map(|&level| if level > 0 { numbers.next() } else { None }.unwrap_or(f64::NAN)),
-            );
-        } else {
-            values.extend(numbers);
-        }
-    }
-}
-
-/// The decoder's own checks end in a panic for some damaged files; here that is an error like any other.
-fn guarded<T>(path: &Path, read: impl FnOnce() -> Result<T, Error>) -> Result<T, Error> {
-    panic::catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|_| {
-        let message = "cannot read the table: its contents contradict each other; the file is damaged";
-        Err(Error::one(path, Problem::of_file(message)))
-    })
 }
 
 fn unreadable(path: &Path, column: &str, error: &ParquetError) -> Error {

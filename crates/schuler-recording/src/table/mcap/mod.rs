@@ -1,0 +1,352 @@
+//! MCAP files: <https://mcap.dev/spec>.
+//!
+//! A column is the topic, a dot and the path of a number in its messages: `/imu.angular_velocity.x`,
+//! `/temperatures.values[2]`. Each topic has two more, the times that stand beside a message and not in it:
+//! `/imu@log_time` (when it was recorded) and `/imu@publish_time`, in seconds. A time stamp in a message, be it of ROS,
+//! of Protobuf or an object of seconds and nanoseconds, is one column of seconds: `/imu.header.stamp`. Which of them is
+//! the time is said by the case.
+//!
+//! | messages | with a schema of |
+//! | --- | --- |
+//! | `json` | any or none: what is a number or true or false in the messages is a column |
+//! | `protobuf` | `protobuf`, the file descriptors |
+//! | `ros1` | `ros1msg` |
+//! | `cdr` | `ros2msg` |
+//!
+//! Text, bytes, maps, and arrays longer than 64 have no columns. A column is there if any message has it, missing where
+//! a message has not. Chunks may be compressed with LZ4 or Zstandard; every checksum is held to. A file that was not
+//! closed, without footer, summary or the end of its last chunk, is read as far as it goes, with a warning.
+mod json;
+mod protobuf;
+mod ros;
+
+use std::collections::{BTreeMap, HashMap};
+use std::io::{self, SeekFrom};
+use std::path::{Path, PathBuf};
+
+use ::mcap::McapError;
+use ::mcap::records::{MessageHeader, Record};
+use ::mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+
+use super::log::{MOST_COLUMNS, Messages, Topic};
+use super::seconds::seconds;
+use super::{Bytestream, guarded};
+use crate::error::{Error, Problem};
+
+/// Bytes of the longest record or decompressed chunk.
+const LONGEST_RECORD: usize = 1 << 27;
+/// Bytes read at a time.
+const READ_BYTES: usize = 1 << 16;
+/// The times of every topic, which are its first fields.
+const TIMES: [&str; 2] = ["@log_time", "@publish_time"];
+
+/// An MCAP file of which the topics are known.
+pub(super) struct Mcap {
+    path: PathBuf,
+    records: Records,
+    channels: HashMap<u16, Channel>,
+    topics: Vec<Topic>,
+    metadata: BTreeMap<String, String>,
+    /// Of each topic, how many fields are asked for and which places each has among them.
+    wanted: Vec<(usize, HashMap<String, Vec<usize>>)>,
+}
+
+struct Channel {
+    topic: usize,
+    /// None where the messages cannot be read.
+    decoder: Option<Decoder>,
+}
+
+/// How the messages of a channel are read.
+enum Decoder {
+    Json,
+    Protobuf(protobuf::Protobuf),
+    Ros(ros::Ros),
+}
+
+impl Decoder {
+    fn new(encoding: &str, schema: Option<&Schema>) -> Result<Self, String> {
+        let described =
+            schema.map_or("no schema".to_owned(), |schema| format!("schema {:?}", schema.encoding));
+        match (encoding, schema, schema.map_or("", |schema| schema.encoding.as_str())) {
+            ("json", ..) => Ok(Self::Json),
+            ("protobuf", Some(schema), "protobuf") => {
+                protobuf::Protobuf::new(&schema.name, &schema.data).map(Self::Protobuf)
+            }
+            ("ros1", Some(schema), "ros1msg") => {
+                ros::Ros::new(&schema.name, &schema.data, ros::Wire::Ros1).map(Self::Ros)
+            }
+            ("cdr", Some(schema), "ros2msg") => {
+                ros::Ros::new(&schema.name, &schema.data, ros::Wire::Cdr).map(Self::Ros)
+            }
+            _ => Err(format!(
+                "encoded as {encoding:?} with {described}, which is not read; json, protobuf, ros1 with ros1msg and \
+                 cdr with ros2msg are"
+            )),
+        }
+    }
+
+    fn decode(&self, message: &[u8], leaves: &mut Leaves<'_>) -> Result<(), String> {
+        match self {
+            Self::Json => json::decode(message, leaves),
+            Self::Protobuf(decoder) => decoder.decode(message, leaves),
+            Self::Ros(decoder) => decoder.decode(message, leaves),
+        }
+    }
+}
+
+struct Schema {
+    name: String,
+    encoding: String,
+    data: Vec<u8>,
+}
+
+/// Where the numbers of a message go, each with its path.
+struct Leaves<'a> {
+    path: String,
+    take: &'a mut dyn FnMut(&str, f64),
+}
+
+impl<'a> Leaves<'a> {
+    fn new(take: &'a mut dyn FnMut(&str, f64)) -> Self {
+        Self { path: String::new(), take }
+    }
+
+    /// The number at the path.
+    fn number(&mut self, value: f64) {
+        (self.take)(&self.path, value);
+    }
+
+    /// What `inside` does, a step deeper.
+    fn within<T>(&mut self, step: std::fmt::Arguments<'_>, inside: impl FnOnce(&mut Self) -> T) -> T {
+        let length = self.path.len();
+        // Writing to a string does not fail.
+        let _ = std::fmt::Write::write_fmt(&mut self.path, step);
+        let done = inside(self);
+        self.path.truncate(length);
+        done
+    }
+}
+
+impl Mcap {
+    /// Reads the file for topics and fields.
+    ///
+    /// # Errors
+    /// A file that cannot be read.
+    pub(super) fn new(path: &Path, bytes: Box<dyn Bytestream>) -> Result<Self, Error> {
+        let mut mcap = Self {
+            path: path.to_owned(),
+            records: Records::new(bytes),
+            channels: HashMap::new(),
+            topics: Vec::new(),
+            metadata: BTreeMap::new(),
+            wanted: Vec::new(),
+        };
+        guarded(path, || mcap.find_topics())?;
+        Ok(mcap)
+    }
+
+    fn find_topics(&mut self) -> Result<(), Error> {
+        let path = &self.path;
+        let mut schemas: HashMap<u16, Schema> = HashMap::new();
+        let mut topics: HashMap<String, usize> = HashMap::new();
+        let mut fields: Vec<HashMap<String, usize>> = Vec::new();
+        let mut columns = 0;
+        self.records.rewind(path)?;
+        let mut messages = 0_u64;
+        while let Some(record) = self.records.next(path)? {
+            match record {
+                Record::Header(header) => {
+                    self.metadata.insert("profile".to_owned(), header.profile);
+                    self.metadata.insert("library".to_owned(), header.library);
+                }
+                Record::Metadata(metadata) => {
+                    let name = metadata.name;
+                    self.metadata.extend(
+                        metadata.metadata.into_iter().map(|(key, value)| (format!("{name}.{key}"), value)),
+                    );
+                }
+                Record::Schema { header, data } => {
+                    let schema =
+                        Schema { name: header.name, encoding: header.encoding, data: data.into_owned() };
+                    schemas.insert(header.id, schema);
+                }
+                Record::Channel(channel) => {
+                    if self.channels.contains_key(&channel.id) {
+                        continue;
+                    }
+                    let topic = *topics.entry(channel.topic.clone()).or_insert_with(|| {
+                        self.topics.push(Topic { name: channel.topic.clone(), ..Topic::default() });
+                        fields.push(HashMap::new());
+                        self.topics.len() - 1
+                    });
+                    let decoder = Decoder::new(&channel.message_encoding, schemas.get(&channel.schema_id));
+                    if decoder.is_ok() && self.topics[topic].fields.is_empty() {
+                        self.topics[topic].fields.extend(TIMES.map(str::to_owned));
+                    }
+                    let decoder = decoder.map_err(|why| self.topics[topic].unreadable = Some(why)).ok();
+                    self.channels.insert(channel.id, Channel { topic, decoder });
+                }
+                Record::Message { header, data } => {
+                    messages += 1;
+                    let Some(Channel { topic, decoder: Some(decoder) }) =
+                        self.channels.get(&header.channel_id)
+                    else {
+                        continue;
+                    };
+                    let (topic, known) = (&mut self.topics[*topic], &mut fields[*topic]);
+                    let mut take = |field: &str, _: f64| {
+                        if !known.contains_key(field) && columns <= MOST_COLUMNS {
+                            known.insert(field.to_owned(), topic.fields.len());
+                            topic.fields.push(field.to_owned());
+                            columns += 1;
+                        }
+                    };
+                    let decoded = decoder.decode(&data, &mut Leaves::new(&mut take));
+                    decoded.map_err(|why| undecodable(path, &topic.name, messages, &why))?;
+                    if columns > MOST_COLUMNS {
+                        let problem = format!("found more than {MOST_COLUMNS} fields; expected no more");
+                        return Err(Error::one(path, Problem::of_file(problem)));
+                    }
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+}
+
+fn undecodable(path: &Path, topic: &str, message: u64, why: &str) -> Error {
+    Error::one(
+        path,
+        Problem::new(None, topic, format!("message {message} of the file cannot be read: {why}")),
+    )
+}
+
+impl Messages for Mcap {
+    fn path(&self) -> &Path {
+        &self.path
+    }
+
+    fn topics(&self) -> &[Topic] {
+        &self.topics
+    }
+
+    fn metadata(&self) -> Vec<(String, String)> {
+        self.metadata.iter().map(|(key, value)| (key.clone(), value.clone())).collect()
+    }
+
+    fn select(&mut self, fields: Vec<Vec<usize>>) -> Result<(), Error> {
+        self.wanted = (fields.iter().zip(&self.topics))
+            .map(|(fields, topic)| {
+                let mut places: HashMap<String, Vec<usize>> = HashMap::new();
+                for (place, &field) in fields.iter().enumerate() {
+                    places.entry(topic.fields[field].clone()).or_default().push(place);
+                }
+                (fields.len(), places)
+            })
+            .collect();
+        self.records.rewind(&self.path)
+    }
+
+    fn next(&mut self, values: &mut Vec<f64>) -> Result<Option<usize>, Error> {
+        while let Some(record) = self.records.next(&self.path)? {
+            let Record::Message { header, data } = record else { continue };
+            let Some(Channel { topic, decoder: Some(decoder) }) = self.channels.get(&header.channel_id)
+            else {
+                continue;
+            };
+            let Some((count, places)) = self.wanted.get(*topic).filter(|(count, _)| *count > 0) else {
+                continue;
+            };
+            values.clear();
+            values.resize(*count, f64::NAN);
+            let mut take = |field: &str, value: f64| {
+                for &place in places.get(field).into_iter().flatten() {
+                    values[place] = value;
+                }
+            };
+            let MessageHeader { log_time, publish_time, sequence, .. } = header;
+            let mut from_file = 0;
+            for (name, time) in TIMES.into_iter().zip([log_time, publish_time]) {
+                take(name, seconds(time.into(), 9));
+                from_file += places.get(name).map_or(0, Vec::len);
+            }
+            // What no field of the message is asked for needs not be read.
+            if from_file < *count {
+                let decoded = decoder.decode(&data, &mut Leaves::new(&mut take));
+                let name = &self.topics[*topic].name;
+                decoded.map_err(|why| undecodable(&self.path, name, sequence.into(), &why))?;
+            }
+            return Ok(Some(*topic));
+        }
+        Ok(None)
+    }
+
+    fn warnings(&mut self) -> Vec<String> {
+        let mut warnings = Vec::new();
+        if self.records.cut_off {
+            warnings.push("the file is cut off; what is not whole at its end is left out".to_owned());
+        } else if !self.records.footer {
+            warnings.push("the file was not closed; it is read as far as it goes".to_owned());
+        }
+        warnings
+    }
+}
+
+/// The records of a file, those in chunks among them.
+struct Records {
+    bytes: Box<dyn Bytestream>,
+    reader: LinearReader,
+    /// The last record; the reader's own buffer cannot be lent and read on.
+    record: Vec<u8>,
+    footer: bool,
+    cut_off: bool,
+}
+
+impl Records {
+    fn new(bytes: Box<dyn Bytestream>) -> Self {
+        Self { bytes, reader: LinearReader::new(), record: Vec::new(), footer: false, cut_off: false }
+    }
+
+    fn rewind(&mut self, path: &Path) -> Result<(), Error> {
+        let options = LinearReaderOptions::default()
+            .with_skip_end_magic(true)
+            .with_prevalidate_chunk_crcs(true)
+            .with_validate_data_section_crc(true)
+            .with_record_length_limit(LONGEST_RECORD);
+        self.reader = LinearReader::new_with_options(options);
+        (self.footer, self.cut_off) = (false, false);
+        self.bytes.seek(SeekFrom::Start(0)).map(drop).map_err(|error| Error::io(path, "read the log", &error))
+    }
+
+    fn next(&mut self, path: &Path) -> Result<Option<Record<'_>>, Error> {
+        let damaged =
+            |error: &McapError| Error::one(path, Problem::of_file(format!("cannot read the log: {error}")));
+        let opcode = loop {
+            if self.footer || self.cut_off {
+                return Ok(None);
+            }
+            match self.reader.next_event() {
+                None => return Ok(None),
+                Some(Ok(LinearReadEvent::ReadRequest(bytes))) => {
+                    let buffer = self.reader.insert(bytes.min(READ_BYTES));
+                    let read = match self.bytes.read(buffer) {
+                        Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+                        read => read.map_err(|error| Error::io(path, "read the log", &error))?,
+                    };
+                    self.reader.notify_read(read);
+                }
+                Some(Ok(LinearReadEvent::Record { opcode, data })) => {
+                    self.footer |= opcode == ::mcap::records::op::FOOTER;
+                    self.record.clear();
+                    self.record.extend_from_slice(data);
+                    break opcode;
+                }
+                Some(Err(McapError::UnexpectedEof)) => self.cut_off = true,
+                Some(Err(error)) => return Err(damaged(&error)),
+            }
+        };
+        ::mcap::parse_record(opcode, &self.record).map(Some).map_err(|error| damaged(&error))
+    }
+}

@@ -1,0 +1,14 @@
+//! See `schuler_fuzz::table::mcap`.
+#![no_main]
+use std::alloc::System;
+
+use cap::Cap;
+use libfuzzer_sys::fuzz_target;
+
+#[global_allocator]
+static MEMORY: Cap<System> = Cap::new(System, schuler_fuzz::MEMORY);
+
+fuzz_target!(init: {
+        schuler_fuzz::table::expect_panics_of_the_decoder();
+        schuler_fuzz::sow("table_mcap");
+    }, |data: &[u8]| schuler_fuzz::table::mcap(data));
