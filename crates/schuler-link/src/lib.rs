@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | [`frame`] | how a message becomes bytes on a wire and comes back: direction, version, number, postcard, CRC-32, COBS |
 //! | [`block`] | a compensation block as bytes: version, length, postcard, CRC-32 |
+//! | [`configuration`] | a configuration as bytes, for who keeps it himself |
 //! | [`message`] | what the two sides can say |
 //! | [`endpoint`] | the module's side of the conversation: each command carried out exactly once, pace, deadline, counters |
 //! | [`ring`] | a byte queue between an interrupt and the main loop |
@@ -13,10 +14,12 @@
 #![no_std]
 
 pub mod block;
+pub mod configuration;
 pub mod endpoint;
 pub mod frame;
 pub mod message;
 pub mod ring;
+mod seal;
 
 /// Version of the protocol: frame layout and messages. A frame of another version is refused.
 pub const PROTOCOL: u8 = 3;
