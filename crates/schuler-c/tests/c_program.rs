@@ -21,7 +21,7 @@ use flight::{Flight, everything, full_block};
 #[path = "../../../tests/tests/common/flight.rs"]
 mod flight;
 
-const STEPS: usize = 8000;
+const STEPS: usize = 25000;
 
 /// Every part on, and the noise identified so early that the filter is retuned within these steps.
 fn config() -> ModuleConfig {
@@ -76,7 +76,7 @@ struct Mission {
 
 impl Mission {
     fn new() -> Self {
-        let inputs: Vec<StepInput> = Flight::new(0).take(STEPS).collect();
+        let inputs: Vec<StepInput> = Flight::new(1).take(STEPS).collect();
         let mut module = Box::new(FlightModule::new());
         module.configure(&config()).unwrap();
         module.load_compensation(&full_block()).unwrap();
@@ -84,7 +84,8 @@ impl Mission {
         let outputs: Vec<_> = inputs.iter().map(|input| module.step(input)).collect();
         let status = outputs.iter().fold(Status::empty(), |status, output| status | output.status);
         let hardly = Status::COVARIANCE_RESET | Status::NOT_CONFIGURED;
-        assert_eq!(status | hardly, Status::all(), "the flight leads through all of it");
+        let missed = Status::all() - status - hardly;
+        assert!(missed.is_empty(), "the flight does not lead through {missed:?}");
 
         let folder = tempfile::tempdir().unwrap();
         let write = |name: &str, bytes: &[u8]| fs::write(folder.path().join(name), bytes).unwrap();
