@@ -27,7 +27,7 @@
 //!         site = { latitude_deg = 0.0, altitude_m = 0.0 }
 //!         [[sensor]]
 //!         id     = "gyro"
-//!         kind   = "rate"
+//!         kind   = "mems_gyro"
 //!         column = "gyro"
 //!         unit   = "deg/s"
 //!         axis   = [0.0, 0.0, 1.0]
@@ -36,10 +36,9 @@
 //! )?;
 //! let recording = Recording::read(&folder.path().join("case.toml"))?;
 //! let explanation = explain(&recording, &Options::default())?;
-//! for finding in &explanation.findings {
-//!     println!("{finding:?}");
-//! }
-//! assert!(!explanation.findings.is_empty());
+//! let [finding] = &explanation.findings[..] else { panic!("one thing was left out, and not {explanation:?}") };
+//! println!("{}", finding.sentence);
+//! assert_eq!((finding.sensor.as_str(), finding.interval_s[0].round()), ("gyro", 300.0));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
