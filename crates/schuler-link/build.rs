@@ -17,10 +17,17 @@ const SOURCES: [&str; 10] = [
     "memory.x",
 ];
 
+/// What there is of that where the crate comes from a registry, relative to the crate.
+const PACKAGED: [&str; 3] = ["Cargo.toml", "build.rs", "src"];
+
 fn main() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let package = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let workspace = package.join("../..");
+    let in_workspace = workspace.join("crates/schuler-link/Cargo.toml").is_file();
+    let (root, sources) =
+        if in_workspace { (workspace.as_path(), &SOURCES[..]) } else { (package, &PACKAGED[..]) };
     let mut files = Vec::new();
-    for source in SOURCES {
+    for source in sources {
         println!("cargo:rerun-if-changed={}", root.join(source).display());
         collect(&root.join(source), &mut files);
     }
@@ -31,7 +38,7 @@ fn main() {
     for file in &files {
         // A file that vanished since the listing brings this script back by itself.
         let Ok(content) = fs::read(file) else { continue };
-        let name = file.strip_prefix(&root).unwrap_or(file).to_string_lossy().replace('\\', "/");
+        let name = file.strip_prefix(root).unwrap_or(file).to_string_lossy().replace('\\', "/");
         digest.update(name.as_bytes());
         digest.update(&(content.len() as u64).to_le_bytes());
         digest.update(&content);

@@ -17,6 +17,22 @@
 //!
 //! Equation ids (`FIL-11`, `FDI-4` …) name the equations of the papers; the doc comment of the code that
 //! implements one names it, and so does its test.
+//!
+//! ```
+//! use schuler_core::module::{FlightModule, ModuleConfig, Status, StepInput};
+//! use schuler_core::reading::Reading;
+//!
+//! let mut module = Box::new(FlightModule::new());
+//! module.configure(&ModuleConfig::default())?;
+//! // Once a second, whether there is a measurement or not.
+//! let input = StepInput { velocity_error: Reading::good(0.12), ..StepInput::without_readings(1000) };
+//! assert_eq!(module.step(&input).status, Status::empty());
+//! let output = module.step(&StepInput::without_readings(2000));
+//! assert_eq!(output.status, Status::VELOCITY_MISSING);
+//! let [velocity, ..] = output.filter.estimate;
+//! assert!((velocity - 0.06).abs() < 0.01, "half of it, by a prior as uncertain as the measurement: {velocity}");
+//! # Ok::<(), schuler_core::config::ConfigError>(())
+//! ```
 #![no_std]
 // A lazy operator is a branch: the work of a step would depend on its data.
 #![allow(clippy::needless_bitwise_bool)]

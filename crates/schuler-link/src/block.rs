@@ -5,80 +5,32 @@
 //! ```
 //! The checksum is that of the frames and covers everything before it; the length is that of the content. The checksum names
 //! the block: the module reports that of the block in force.
-use core::fmt;
-
 use heapless::Vec;
 use schuler_core::compensation::{BLOCK_VERSION, Block, MAX_TERMS};
 use schuler_core::thermal::CompensationBlock;
-use serde::{Deserialize, Serialize};
 
-use crate::frame::CRC;
+pub use crate::seal::BlockError;
+use crate::seal::{self, OVERHEAD};
 
 /// Longest block, bytes. One of another version may be as long.
 pub const MAX_BLOCK: usize = 2464;
 
 const MAGIC: [u8; 4] = *b"SCHC";
-const HEADER: usize = MAGIC.len() + 4;
-const CHECKSUM: usize = 4;
 /// Target (tag, index), coefficient, and two factors of quantity (tag, two indices), reference and power, bytes.
 const LONGEST_TERM: usize = 2 + 4 + 2 * (3 + 4 + 1);
 /// The rest but the calibration: validity, limits, and what postcard puts in between, bytes.
 const LONGEST_REST: usize = 64;
 
 // A block of the most terms fits.
-const _: () = assert!(
-    HEADER + size_of::<CompensationBlock>() + LONGEST_REST + MAX_TERMS * LONGEST_TERM + CHECKSUM <= MAX_BLOCK
-);
+const _: () =
+    assert!(OVERHEAD + size_of::<CompensationBlock>() + LONGEST_REST + MAX_TERMS * LONGEST_TERM <= MAX_BLOCK);
 
 /// A block as bytes.
 pub type BlockBytes = Vec<u8, MAX_BLOCK>;
 
-/// Why bytes are not a block.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum BlockError {
-    /// Not a compensation block, or cut short, or with something behind it.
-    Form,
-    /// The checksum does not fit.
-    Checksum,
-    /// Of another version.
-    Version(u16),
-    /// Sound bytes whose content is not a block.
-    Content,
-}
-
-impl fmt::Display for BlockError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Form => f.write_str("is not a compensation block, or not a whole one"),
-            Self::Checksum => f.write_str("does not fit its checksum"),
-            Self::Version(version) => {
-                write!(f, "is of version {version}; expected version {BLOCK_VERSION}")
-            }
-            Self::Content => f.write_str("fits its checksum, but its content is not a block"),
-        }
-    }
-}
-
-impl core::error::Error for BlockError {}
-
 /// The bytes of a block. Never panics: the longest block fits.
 pub fn encode(block: &Block) -> BlockBytes {
-    let mut bytes = BlockBytes::new();
-    // It fits, by the assertion above.
-    let _ = write(block, &mut bytes);
-    bytes
-}
-
-fn write(block: &Block, bytes: &mut BlockBytes) -> Result<(), ()> {
-    let mut content = [0; MAX_BLOCK];
-    let content = postcard::to_slice(block, &mut content).map_err(|_| ())?;
-    let length = u16::try_from(content.len()).map_err(|_| ())?;
-    bytes.extend_from_slice(&MAGIC).map_err(|_| ())?;
-    bytes.extend_from_slice(&BLOCK_VERSION.to_le_bytes()).map_err(|_| ())?;
-    bytes.extend_from_slice(&length.to_le_bytes()).map_err(|_| ())?;
-    bytes.extend_from_slice(content).map_err(|_| ())?;
-    let checksum = CRC.checksum(bytes);
-    bytes.extend_from_slice(&checksum.to_le_bytes()).map_err(|_| ())
+    seal::close(MAGIC, BLOCK_VERSION, block)
 }
 
 /// The block in these bytes and its checksum. The values are yet to be checked by who flies them.
@@ -87,24 +39,7 @@ fn write(block: &Block, bytes: &mut BlockBytes) -> Result<(), ()> {
 /// Why the bytes are not a block.
 #[inline(never)] // What it needs of the stack is free again when the block is put to use.
 pub fn decode(bytes: &[u8]) -> Result<(Block, u32), BlockError> {
-    let (body, &checksum) = bytes.split_last_chunk::<CHECKSUM>().ok_or(BlockError::Form)?;
-    let (&[m0, m1, m2, m3, v0, v1, l0, l1], content) =
-        body.split_first_chunk::<HEADER>().ok_or(BlockError::Form)?;
-    if [m0, m1, m2, m3] != MAGIC || usize::from(u16::from_le_bytes([l0, l1])) != content.len() {
-        return Err(BlockError::Form);
-    }
-    let checksum = u32::from_le_bytes(checksum);
-    if CRC.checksum(body) != checksum {
-        return Err(BlockError::Checksum);
-    }
-    let version = u16::from_le_bytes([v0, v1]);
-    if version != BLOCK_VERSION {
-        return Err(BlockError::Version(version));
-    }
-    match postcard::take_from_bytes(content) {
-        Ok((block, [])) => Ok((block, checksum)),
-        _ => Err(BlockError::Content),
-    }
+    seal::open(MAGIC, BLOCK_VERSION, bytes)
 }
 
 #[cfg(test)]
@@ -115,6 +50,7 @@ mod tests {
     use schuler_core::compensation::{Calibration, Factor, Quantity, Target, Term};
 
     use super::*;
+    use crate::frame::CRC;
 
     fn longest() -> Block {
         let factor = Factor {

@@ -12,6 +12,30 @@
 //!
 //! Everything past [`recording`] is in SI units and radians (temperature in °C by convention); nothing else
 //! converts. No input makes anything here panic.
+//!
+//! ```
+//! use schuler_recording::CaseFile;
+//!
+//! let text = r#"
+//! format = "schuler-case/1"
+//! title  = "Gyro on a bench"
+//! [recording]
+//! path   = "recording.csv"
+//! time   = "t"
+//! step_s = 1.0
+//! [motion]
+//! kind = "static"
+//! [[sensor]]
+//! id     = "gyro_x"
+//! kind   = "dtg"
+//! column = "gyro_x"
+//! unit   = "deg/hour"
+//! "#;
+//! // A mistake is named with file, line, field, and what was expected.
+//! let error = CaseFile::parse("case.toml".as_ref(), text).unwrap_err().to_string();
+//! println!("{error}");
+//! assert!(error.contains("case.toml:14") && error.contains("deg/hour") && error.contains("deg/h"));
+//! ```
 
 pub mod case;
 pub mod document;

@@ -1,8 +1,10 @@
 //! `schuler fly CASE.toml`.
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use schuler_core::identification::Method;
 use schuler_link::block::{self, BlockBytes, MAX_BLOCK};
+use schuler_link::configuration;
 use schuler_recording::{CaseFile, Error, Problem, Recording};
 use serde::Serialize;
 
@@ -128,7 +130,7 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
 /// Reads a compensation block and checks it as the module will.
 fn read_block(path: &Path) -> Result<BlockBytes, Failure> {
     let bytes =
-        std::fs::read(path).map_err(|error| Error::io(path, "read the compensation block", &error))?;
+        fs::read(path).map_err(|error| Error::io(path, "read the compensation block", &error))?;
     let block = |problem: Problem| Failure::Input(Error::one(path, problem));
     let (content, _) = block::decode(&bytes).map_err(|error| block(Problem::of_file(error.to_string())))?;
     content.validate().map_err(|error| block(Problem::new(None, error.field, error.problem.to_string())))?;
@@ -157,10 +159,16 @@ pub(super) fn write(
     directory: &Path,
     formats: &[Format],
 ) -> Result<Vec<PathBuf>, Error> {
-    std::fs::create_dir_all(directory).map_err(|error| Error::io(directory, "make the directory", &error))?;
+    fs::create_dir_all(directory).map_err(|error| Error::io(directory, "make the directory", &error))?;
     let path = directory.join(format!("{}_outputs.csv.gz", flown.channel.name));
     outputs::write(flown, &path)?;
     let mut files = vec![path];
+    // For who has the module in his own flight software. What has flown can be flown.
+    if let Ok(block) = configuration::encode(&flown.channel.config) {
+        let path = directory.join(format!("{}_configuration.bin", flown.channel.name));
+        fs::write(&path, &block).map_err(|error| Error::io(&path, "write the configuration", &error))?;
+        files.push(path);
+    }
     if !formats.is_empty() {
         for (name, figure) in figures::all(flown, summary, truth) {
             files.extend(figure.write(directory, &name, formats)?);
