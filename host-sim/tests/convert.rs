@@ -76,8 +76,8 @@ fn a_case_is_converted_with_the_columns_that_it_names() {
     assert!(said["warnings"][0].as_str().unwrap().contains("1 messages are left out"), "{said}");
     assert_eq!(said["columns"].as_array().unwrap().len(), 3);
     assert_eq!(table::open(&to.join("recording.parquet")).unwrap().names().len(), 3);
-    let [before, after] =
-        [case.clone(), to.join("case.toml")].map(|case| Recording::of_case(CaseFile::read(&case).unwrap()).unwrap());
+    let [before, after] = [case.clone(), to.join("case.toml")]
+        .map(|case| Recording::of_case(CaseFile::read(&case).unwrap()).unwrap());
     assert_eq!(after.sensors[0].quality.present, 113);
     assert_eq!(format!("{:?}", before.sensors), format!("{:?}", after.sensors));
     assert_eq!(format!("{:?}", before.auxiliaries), format!("{:?}", after.auxiliaries));
@@ -96,7 +96,10 @@ fn what_cannot_be_converted_is_named_and_leaves_nothing() {
     let said = refused(&convert(&log, &to("x.xlsx"), &[]));
     assert!(said.contains("x.xlsx: found another ending; expected one of .csv, .csv.gz, .parquet"), "{said}");
     let said = refused(&convert(&log, &to("x.csv"), &["--columns", "sensor_gyro_0.z"]));
-    assert!(said.contains("recording.ulg: --columns: found \"sensor_gyro_0.z\"; expected a column"), "{said}");
+    assert!(
+        said.contains("recording.ulg: --columns: found \"sensor_gyro_0.z\"; expected a column"),
+        "{said}"
+    );
     let said = refused(&convert(&log, &to("x.csv"), &["--columns", "sensor_temp_0.*", "--to", "5"]));
     assert!(said.contains("recording.ulg: --from, --to: found none of 12 rows"), "{said}");
     let damaged = to("damaged.csv");

@@ -211,7 +211,7 @@ impl Column {
 #[derive(Clone, Copy)]
 struct Scale {
     /// Decimal places of a time stamp's seconds.
-    places: u32,
+    places: u8,
     unsigned: bool,
 }
 

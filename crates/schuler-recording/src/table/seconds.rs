@@ -4,10 +4,10 @@
 const EXACT: u128 = 1 << 53;
 
 /// The double nearest to `count` · 10^−`places` seconds.
-pub(super) fn seconds(count: i128, places: u32) -> f64 {
+pub(super) fn seconds(count: i128, places: u8) -> f64 {
     if count.unsigned_abs() <= EXACT && places <= 22 {
         // Both are exact, so that the quotient is rounded once.
-        return count as f64 / 10f64.powi(places as i32);
+        return count as f64 / 10f64.powi(places.into());
     }
     // Two roundings would not always give the nearest. A decimal number is read with one; any integer is a number.
     format!("{count}e-{places}").parse().unwrap_or(f64::NAN)
@@ -24,7 +24,7 @@ mod tests {
 
     #[test]
     fn a_time_stamp_is_the_number_that_its_decimals_are() {
-        let stamps: [(i128, u32, &str); 5] = [
+        let stamps: [(i128, u8, &str); 5] = [
             (1_700_000_000_123_456_789, 9, "1700000000.123456789"),
             (9_007_199_254_740_993, 9, "9007199.254740993"),
             (-1_500, 3, "-1.5"),

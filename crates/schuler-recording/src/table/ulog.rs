@@ -78,6 +78,8 @@ struct Said {
 #[derive(Clone, Debug, Default)]
 struct Layout {
     fields: Vec<Field>,
+    /// Bytes of a message at least.
+    bytes: usize,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -167,7 +169,7 @@ impl Ulog {
                     }
                     ulog.indices.insert(topic.clone(), ulog.topics.len());
                     ulog.topics.push(Topic { name: topic, fields: fields.names, unreadable });
-                    ulog.layouts.push(Layout { fields: fields.places });
+                    ulog.layouts.push(Layout { fields: fields.places, bytes: fields.needed });
                 }
                 _ => {}
             }
@@ -206,6 +208,8 @@ struct Fields {
     names: Vec<String>,
     places: Vec<Field>,
     offset: usize,
+    /// Offset behind the last field that is not padding, which may be left out at the end.
+    needed: usize,
 }
 
 impl Fields {
@@ -223,15 +227,8 @@ impl Fields {
             let (kind, name) = field.trim().split_once(' ').ok_or_else(wrong)?;
             let (kind, length) = match kind.split_once('[') {
                 Some((kind, length)) => {
-                    let length = length.strip_suffix(']').and_then(|length| length.parse().ok());
-                    (
-                        kind,
-                        Some(
-                            length
-                                .filter(|&length: &usize| length <= usize::from(u16::MAX))
-                                .ok_or_else(wrong)?,
-                        ),
-                    )
+                    let length = length.strip_suffix(']').and_then(|length| length.parse::<u16>().ok());
+                    (kind, Some(length.map(usize::from).ok_or_else(wrong)?))
                 }
                 None => (kind, None),
             };
@@ -244,6 +241,9 @@ impl Fields {
                     || length.is_some_and(|it| it > LONGEST_ARRAY))
             {
                 self.offset += bytes * length.unwrap_or(1);
+                if !name.starts_with("_padding") {
+                    self.needed = self.offset;
+                }
                 continue;
             }
             for index in 0..length.unwrap_or(1) {
@@ -256,6 +256,7 @@ impl Fields {
                     self.names.push(name);
                     self.places.push(Field { offset: self.offset, number, stamp });
                     self.offset += number.bytes();
+                    self.needed = self.offset;
                 } else {
                     let before = self.offset;
                     if depth == DEEPEST {
@@ -333,12 +334,12 @@ impl Messages for Ulog {
                     let Some(wanted) = self.wanted.get(topic).filter(|wanted| !wanted.is_empty()) else {
                         continue;
                     };
-                    values.clear();
-                    values.extend(wanted.iter().map_while(|field| field.read(data)));
-                    if values.len() < wanted.len() {
+                    if data.len() < self.layouts.get(topic).map_or(0, |layout| layout.bytes) {
                         self.said.damaged += 1;
                         continue;
                     }
+                    values.clear();
+                    values.extend(wanted.iter().map(|field| field.read(data).unwrap_or(f64::NAN)));
                     return Ok(Some(topic));
                 }
                 _ => {}

@@ -61,8 +61,8 @@ pub struct TableWriter {
 }
 
 enum Sink {
-    Csv(CsvWriter<File>),
-    CsvGz(CsvWriter<GzEncoder<File>>),
+    Csv(Box<CsvWriter<File>>),
+    CsvGz(Box<CsvWriter<GzEncoder<File>>>),
     Parquet(Box<ParquetWriter>),
 }
 
@@ -78,10 +78,10 @@ impl TableWriter {
         metadata: &[(String, String)],
     ) -> Result<Self, Error> {
         let sink = File::create(path).and_then(|file| match format {
-            Format::Csv => Ok(Sink::Csv(CsvWriter::new(file, names)?)),
+            Format::Csv => Ok(Sink::Csv(Box::new(CsvWriter::new(file, names)?))),
             Format::CsvGz => {
                 let encoder = GzEncoder::new(file, flate2::Compression::default());
-                Ok(Sink::CsvGz(CsvWriter::new(encoder, names)?))
+                Ok(Sink::CsvGz(Box::new(CsvWriter::new(encoder, names)?)))
             }
             Format::Parquet => Ok(Sink::Parquet(Box::new(ParquetWriter::new(file, names, metadata)?))),
         });

@@ -18,6 +18,7 @@
 //! closed, without footer, summary or the end of its last chunk, is read as far as it goes, with a warning.
 mod json;
 mod protobuf;
+mod records;
 mod ros;
 
 use std::collections::{BTreeMap, HashMap};
@@ -25,13 +26,14 @@ use std::io::{self, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use ::mcap::McapError;
-use ::mcap::records::{MessageHeader, Record};
+use ::mcap::records::op;
 use ::mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
 use super::log::{MOST_COLUMNS, Messages, Topic};
 use super::seconds::seconds;
 use super::{Bytestream, guarded};
 use crate::error::{Error, Problem};
+use records::Record;
 
 /// Bytes of the longest record or decompressed chunk.
 const LONGEST_RECORD: usize = 1 << 27;
@@ -47,6 +49,8 @@ pub(super) struct Mcap {
     channels: HashMap<u16, Channel>,
     topics: Vec<Topic>,
     metadata: BTreeMap<String, String>,
+    /// Messages that there are, and that there should be.
+    messages: [u64; 2],
     /// Of each topic, how many fields are asked for and which places each has among them.
     wanted: Vec<(usize, HashMap<String, Vec<usize>>)>,
 }
@@ -140,6 +144,7 @@ impl Mcap {
             channels: HashMap::new(),
             topics: Vec::new(),
             metadata: BTreeMap::new(),
+            messages: [0; 2],
             wanted: Vec::new(),
         };
         guarded(path, || mcap.find_topics())?;
@@ -153,45 +158,42 @@ impl Mcap {
         let mut fields: Vec<HashMap<String, usize>> = Vec::new();
         let mut columns = 0;
         self.records.rewind(path)?;
-        let mut messages = 0_u64;
+        let (mut messages, mut counted) = (0, None);
         while let Some(record) = self.records.next(path)? {
             match record {
-                Record::Header(header) => {
-                    self.metadata.insert("profile".to_owned(), header.profile);
-                    self.metadata.insert("library".to_owned(), header.library);
+                Record::Header { profile, library } => {
+                    for (key, value) in [("profile", profile), ("library", library)] {
+                        self.metadata.insert(key.to_owned(), value.to_owned());
+                    }
                 }
-                Record::Metadata(metadata) => {
-                    let name = metadata.name;
-                    self.metadata.extend(
-                        metadata.metadata.into_iter().map(|(key, value)| (format!("{name}.{key}"), value)),
-                    );
+                Record::Metadata { name, pairs } => {
+                    let pairs = pairs.into_iter();
+                    self.metadata
+                        .extend(pairs.map(|(key, value)| (format!("{name}.{key}"), value.to_owned())));
                 }
-                Record::Schema { header, data } => {
-                    let schema =
-                        Schema { name: header.name, encoding: header.encoding, data: data.into_owned() };
-                    schemas.insert(header.id, schema);
+                Record::Schema { id, name, encoding, data } => {
+                    let (name, encoding) = (name.to_owned(), encoding.to_owned());
+                    schemas.insert(id, Schema { name, encoding, data: data.to_owned() });
                 }
-                Record::Channel(channel) => {
-                    if self.channels.contains_key(&channel.id) {
+                Record::Channel { id, schema, topic, encoding } => {
+                    if self.channels.contains_key(&id) {
                         continue;
                     }
-                    let topic = *topics.entry(channel.topic.clone()).or_insert_with(|| {
-                        self.topics.push(Topic { name: channel.topic.clone(), ..Topic::default() });
+                    let topic = *topics.entry(topic.to_owned()).or_insert_with(|| {
+                        self.topics.push(Topic { name: topic.to_owned(), ..Topic::default() });
                         fields.push(HashMap::new());
                         self.topics.len() - 1
                     });
-                    let decoder = Decoder::new(&channel.message_encoding, schemas.get(&channel.schema_id));
+                    let decoder = Decoder::new(encoding, schemas.get(&schema));
                     if decoder.is_ok() && self.topics[topic].fields.is_empty() {
                         self.topics[topic].fields.extend(TIMES.map(str::to_owned));
                     }
                     let decoder = decoder.map_err(|why| self.topics[topic].unreadable = Some(why)).ok();
-                    self.channels.insert(channel.id, Channel { topic, decoder });
+                    self.channels.insert(id, Channel { topic, decoder });
                 }
-                Record::Message { header, data } => {
+                Record::Message { channel, data, .. } => {
                     messages += 1;
-                    let Some(Channel { topic, decoder: Some(decoder) }) =
-                        self.channels.get(&header.channel_id)
-                    else {
+                    let Some(Channel { topic, decoder: Some(decoder) }) = self.channels.get(&channel) else {
                         continue;
                     };
                     let (topic, known) = (&mut self.topics[*topic], &mut fields[*topic]);
@@ -202,16 +204,18 @@ impl Mcap {
                             columns += 1;
                         }
                     };
-                    let decoded = decoder.decode(&data, &mut Leaves::new(&mut take));
+                    let decoded = decoder.decode(data, &mut Leaves::new(&mut take));
                     decoded.map_err(|why| undecodable(path, &topic.name, messages, &why))?;
                     if columns > MOST_COLUMNS {
                         let problem = format!("found more than {MOST_COLUMNS} fields; expected no more");
                         return Err(Error::one(path, Problem::of_file(problem)));
                     }
                 }
-                _ => {}
+                Record::Statistics { messages } => counted = Some(messages),
+                Record::Other => {}
             }
         }
+        self.messages = [messages, counted.unwrap_or(messages)];
         Ok(())
     }
 }
@@ -251,9 +255,10 @@ impl Messages for Mcap {
 
     fn next(&mut self, values: &mut Vec<f64>) -> Result<Option<usize>, Error> {
         while let Some(record) = self.records.next(&self.path)? {
-            let Record::Message { header, data } = record else { continue };
-            let Some(Channel { topic, decoder: Some(decoder) }) = self.channels.get(&header.channel_id)
-            else {
+            let Record::Message { channel, sequence, log_time, publish_time, data } = record else {
+                continue;
+            };
+            let Some(Channel { topic, decoder: Some(decoder) }) = self.channels.get(&channel) else {
                 continue;
             };
             let Some((count, places)) = self.wanted.get(*topic).filter(|(count, _)| *count > 0) else {
@@ -266,7 +271,6 @@ impl Messages for Mcap {
                     values[place] = value;
                 }
             };
-            let MessageHeader { log_time, publish_time, sequence, .. } = header;
             let mut from_file = 0;
             for (name, time) in TIMES.into_iter().zip([log_time, publish_time]) {
                 take(name, seconds(time.into(), 9));
@@ -274,7 +278,7 @@ impl Messages for Mcap {
             }
             // What no field of the message is asked for needs not be read.
             if from_file < *count {
-                let decoded = decoder.decode(&data, &mut Leaves::new(&mut take));
+                let decoded = decoder.decode(data, &mut Leaves::new(&mut take));
                 let name = &self.topics[*topic].name;
                 decoded.map_err(|why| undecodable(&self.path, name, sequence.into(), &why))?;
             }
@@ -289,6 +293,10 @@ impl Messages for Mcap {
             warnings.push("the file is cut off; what is not whole at its end is left out".to_owned());
         } else if !self.records.footer {
             warnings.push("the file was not closed; it is read as far as it goes".to_owned());
+        }
+        let [found, counted] = self.messages;
+        if found != counted {
+            warnings.push(format!("{found} messages are there, {counted} were written; the file is damaged"));
         }
         warnings
     }
@@ -321,8 +329,6 @@ impl Records {
     }
 
     fn next(&mut self, path: &Path) -> Result<Option<Record<'_>>, Error> {
-        let damaged =
-            |error: &McapError| Error::one(path, Problem::of_file(format!("cannot read the log: {error}")));
         let opcode = loop {
             if self.footer || self.cut_off {
                 return Ok(None);
@@ -338,15 +344,21 @@ impl Records {
                     self.reader.notify_read(read);
                 }
                 Some(Ok(LinearReadEvent::Record { opcode, data })) => {
-                    self.footer |= opcode == ::mcap::records::op::FOOTER;
+                    self.footer |= opcode == op::FOOTER;
                     self.record.clear();
                     self.record.extend_from_slice(data);
                     break opcode;
                 }
                 Some(Err(McapError::UnexpectedEof)) => self.cut_off = true,
-                Some(Err(error)) => return Err(damaged(&error)),
+                Some(Err(error)) => {
+                    return Err(Error::one(path, Problem::of_file(format!("cannot read the log: {error}"))));
+                }
             }
         };
-        ::mcap::parse_record(opcode, &self.record).map(Some).map_err(|error| damaged(&error))
+        let record = Record::parse(opcode, &self.record).ok_or_else(|| {
+            let problem = format!("cannot read the log: a record of type {opcode} is damaged");
+            Error::one(path, Problem::of_file(problem))
+        })?;
+        Ok(Some(record))
     }
 }
