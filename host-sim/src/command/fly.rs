@@ -129,8 +129,7 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
 
 /// Reads a compensation block and checks it as the module will.
 fn read_block(path: &Path) -> Result<BlockBytes, Failure> {
-    let bytes =
-        fs::read(path).map_err(|error| Error::io(path, "read the compensation block", &error))?;
+    let bytes = fs::read(path).map_err(|error| Error::io(path, "read the compensation block", &error))?;
     let block = |problem: Problem| Failure::Input(Error::one(path, problem));
     let (content, _) = block::decode(&bytes).map_err(|error| block(Problem::of_file(error.to_string())))?;
     content.validate().map_err(|error| block(Problem::new(None, error.field, error.problem.to_string())))?;

@@ -47,7 +47,12 @@ static void start(void)
         printf("schuler_configure: %u %s\n", (unsigned)result, why);
         exit(1);
     }
-    length = read_file("compensation.bin", block, sizeof block);
+}
+
+/* What the ground has found out of the sensors. A saved state brings it back. */
+static void correct(void)
+{
+    size_t length = read_file("compensation.bin", block, sizeof block);
     expect(schuler_load_compensation(&module, block, length) == SCHULER_RESULT_OK, "schuler_load_compensation");
 }
 
@@ -88,6 +93,7 @@ int main(void)
 {
     provoke();
     start();
+    correct();
 
     FILE *inputs = fopen("inputs.bin", "rb");
     FILE *outputs = fopen("outputs.bin", "wb");
