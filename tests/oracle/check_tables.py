@@ -79,7 +79,7 @@ def by_decoder(path, factory, seconds):
     columns = {}
     with open(path, "rb") as file:
         for _, _, message, it in make_reader(file, decoder_factories=[factory()]).iter_decoded_messages():
-            values = {"/imu@log_time": message.log_time / 1e9} | seconds(it)
+            values = {"/imu@log_time": message.log_time / 10**9} | seconds(it)
             values |= {f"/imu.angular_velocity.{axis}": getattr(it.angular_velocity, axis) for axis in "xyz"}
             values |= {f"/imu.short[{k}]": it.short[k] if k < len(it.short) else None for k in range(3)}
             values["/imu.valid"] = float(it.valid)
@@ -123,8 +123,10 @@ def main():
             for column, values in original.items():
                 if column not in copy:
                     sys.exit(f"{path.name}: lacks {column}; has {', '.join(copy)}")
-                if bits(values) != bits(copy[column]):
-                    sys.exit(f"{path.name}: {column}: {copy[column]}, expected {values}")
+                pairs = list(zip(bits(copy[column]), bits(values)))
+                wrong = [row for row, (found, expected) in enumerate(pairs) if found != expected]
+                if wrong or len(copy[column]) != len(values):
+                    sys.exit(f"{path.name}: {column}: {len(copy[column])} values, expected {len(values)}; wrong rows {wrong}")
                 compared += len(values)
     print(f"{compared} values of {len(originals)} files are the same in each of 3 formats")
 

@@ -135,7 +135,8 @@ def write_ulog(messages, path):
     ULog(io.BytesIO(log)).write_ulog(str(path))
 
 
-IMU = """std_msgs/Header header
+SEPARATOR = 80 * "="
+IMU = f"""std_msgs/Header header
 # The letters are there to put what follows off its alignment.
 string label
 float32[] short
@@ -143,11 +144,11 @@ bool valid
 geometry_msgs/Vector3 angular_velocity
 float64[9] covariance
 uint8 OK=0
-===
+{SEPARATOR}
 MSG: std_msgs/Header
 STAMP
 string frame_id
-===
+{SEPARATOR}
 MSG: geometry_msgs/Vector3
 float64 x
 float64 y
@@ -184,7 +185,7 @@ def write_ros2(messages, path):
 
 
 def write_ros1(messages, path):
-    """Written by hand, as genpy is no package of PyPI; read by mcap-ros1-support in the check."""
+    """Written by hand, as mcap-ros1-support takes classes that ROS has made; read by mcap-ros1-support in the check."""
     with open(path, "wb") as file:
         writer = McapWriter(file, chunk_size=4096, compression=CompressionType.NONE)
         writer.start(profile="ros1", library="make_tables")

@@ -92,6 +92,7 @@ fn what_is_written_is_read_by_others_as_they_read_the_original() {
     let oracle = |script: &str| {
         let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("oracle").join(script);
         let output = Command::new(python())
+            .arg("-B")
             .arg(script)
             .arg(&directory)
             .output()
