@@ -409,12 +409,18 @@ fn draw_of_sketches(sketches: &[Vec<f32>], random: &mut Pcg64) -> DVector<f64> {
     DVector::from_iterator(sketches.len(), sketches.iter().map(|sketch| tiled_dot(sketch, &independent)))
 }
 
+/// Products of each of the whitened columns of an entry with those up to itself.
+type OfEntry = Vec<Vec<f64>>;
+
+/// Columns of an entry that reach a block, by their places in the library.
+type Reached = Vec<(usize, Vec<f64>)>;
+
 /// Sums of products of the whitened columns of entries among themselves, by candidate and number of the point.
 #[derive(Debug, Default)]
-pub struct Products(Mutex<HashMap<(usize, usize), Vec<Vec<f64>>>>);
+pub struct Products(Mutex<HashMap<(usize, usize), OfEntry>>);
 
 impl Products {
-    fn known(&self) -> MutexGuard<'_, HashMap<(usize, usize), Vec<Vec<f64>>>> {
+    fn known(&self) -> MutexGuard<'_, HashMap<(usize, usize), OfEntry>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -428,8 +434,8 @@ struct Builder<'b> {
     data: Vec<f64>,
     regressors: Vec<Vec<f64>>,
     products: Arc<Products>,
-    /// First column of an entry, the entry, and its columns that reach the block.
-    waiting: Vec<(&'b Entry, Vec<(usize, Vec<f64>)>)>,
+    /// Entries that are not reduced yet.
+    waiting: Vec<(&'b Entry, Reached)>,
     ids: Vec<usize>,
     scores: Vec<f64>,
     with_regressors: Vec<Vec<f64>>,
@@ -484,11 +490,11 @@ impl<'b> Builder<'b> {
     /// Takes all products that are needed of what waits; it is whitened where they are not known.
     fn reduce(&mut self) {
         let waiting = std::mem::take(&mut self.waiting);
-        let known: Vec<Option<Vec<Vec<f64>>>> = {
+        let known: Vec<Option<OfEntry>> = {
             let all = self.products.known();
             waiting.iter().map(|(entry, _)| all.get(&(entry.candidate, entry.number)).cloned()).collect()
         };
-        let asked = |known: &Option<Vec<Vec<f64>>>| known.is_none() || !self.signs.is_empty();
+        let asked = |known: &Option<OfEntry>| known.is_none() || !self.signs.is_empty();
         let unknown: Vec<&[f64]> = (waiting.iter().zip(&known).filter(|(_, known)| asked(known)))
             .flat_map(|((_, columns), _)| columns.iter().map(|(_, values)| values.as_slice()))
             .collect();
