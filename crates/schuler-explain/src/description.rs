@@ -19,7 +19,7 @@ pub struct Term {
     /// Values of the parameters in which it is not linear.
     pub nonlinear: Vec<f64>,
     /// Its columns.
-    pub columns: Vec<Column>,
+    pub columns: Arc<Vec<Column>>,
     /// Where it enters.
     pub port: Port,
     /// Whether its amplitudes are exactly 1.
@@ -36,7 +36,7 @@ impl Term {
         Self {
             candidate: index,
             nonlinear: nonlinear.to_vec(),
-            columns: columns(candidate, nonlinear, time_s),
+            columns: Arc::new(columns(candidate, nonlinear, time_s)),
             port: candidate.port,
             unit_amplitude: matches!(candidate.search, Search::Grid { unit_amplitude: true, .. }),
             of_the_motion: candidate.effect.is_of_the_motion(),
@@ -65,7 +65,7 @@ impl Term {
 /// An instrument that is late reads y(t) = h(t − d): not only its nominal reading is that of the time t − d, but all that
 /// the motion adds to it, a lever arm's ω(t − d) × r as well as a mounting or a scale factor. Read at t instead they
 /// would be other functions, and their amplitudes not those of the instrument.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Delays {
     /// Sensor, and delay of its readings, s.
     of_sensor: Vec<(usize, f64)>,
@@ -91,6 +91,13 @@ impl Delays {
     /// Whether there is none.
     pub fn is_empty(&self) -> bool {
         self.of_sensor.is_empty()
+    }
+
+    /// Those of some sensors only.
+    #[must_use]
+    pub fn among(&self, sensors: &[usize]) -> Self {
+        let of_sensor = self.of_sensor.iter().filter(|(sensor, _)| sensors.contains(sensor));
+        Self { of_sensor: of_sensor.copied().collect() }
     }
 
     fn of(&self, sensor: usize) -> f64 {
@@ -119,7 +126,7 @@ impl Delays {
     pub fn late_term(&self, model: &Model, term: &Term) -> Term {
         let columns =
             term.columns.iter().map(|column| self.late(model, term.of_the_motion, column).into_owned());
-        Term { columns: columns.collect(), of_the_motion: false, delay_s: None, ..term.clone() }
+        Term { columns: Arc::new(columns.collect()), of_the_motion: false, delay_s: None, ..term.clone() }
     }
 }
 
@@ -208,7 +215,7 @@ pub fn places(model: &Model, block: usize, terms: &[Term]) -> Vec<usize> {
     let mut place = model.constants.len();
     for term in terms.iter().filter(|term| !term.unit_amplitude) {
         places.extend(
-            (place..).zip(&term.columns).filter(|(_, c)| reaches(c, term.port)).map(|(place, _)| place),
+            (place..).zip(&*term.columns).filter(|(_, c)| reaches(c, term.port)).map(|(place, _)| place),
         );
         place += term.columns.len();
     }
@@ -239,7 +246,7 @@ pub fn project(model: &Model, block: usize, terms: &[Term]) -> Projected {
     let mut place = model.constants.len();
     let delays = Delays::new(terms);
     for term in terms {
-        for column in &term.columns {
+        for column in &*term.columns {
             let column = delays.late(model, term.of_the_motion, column);
             if let Some(values) = block.project(&column, term.port) {
                 if term.unit_amplitude {
@@ -350,7 +357,7 @@ pub fn remainder(model: &Model, block: usize, terms: &[Term], amplitudes: &DVect
 
 /// The blocks that a set of terms reaches.
 pub fn blocks_of(model: &Model, terms: &[Term]) -> Vec<usize> {
-    let mut blocks: Vec<usize> = (terms.iter().flat_map(|term| &term.columns))
+    let mut blocks: Vec<usize> = (terms.iter().flat_map(|term| &*term.columns))
         .flat_map(|column| &column.parts)
         .filter_map(|(sensor, _)| model.block_of(*sensor))
         .collect();

@@ -535,10 +535,6 @@ fn shown_now(
         None => (shown.evidence - (shown.gain - gain).max(0.0)).max(0.0),
     };
     let ln_p = selection.family.ln_p(&case.candidates[own], evidence);
-    eprintln!(
-        "DEBUG {gain} {evidence} {ln_p} {:?}",
-        ways.iter().map(|w| (w.candidate == own, w.price, w.evidence)).collect::<Vec<_>>()
-    );
     (Shown { gain, evidence, ln_p }, less)
 }
 

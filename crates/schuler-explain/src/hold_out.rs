@@ -172,13 +172,13 @@ fn judge(
         let (rows, channels) = (block.rows(), block.channels);
         let mut series = [vec![f64::NAN; rows], vec![f64::NAN; rows]];
         for (row, part) in parts.iter().enumerate() {
-            let Some(whitening) = filter.whitening(row) else { continue };
+            let Some((_, whitening)) = filter.gain_and_whitening(row) else { continue };
             let place = match part {
                 Part::Train => 0,
                 Part::HeldOut => 1,
                 Part::Gap => continue,
             };
-            let expected = reference.as_ref().and_then(|filter| filter.whitening(row));
+            let expected = reference.as_ref().and_then(|filter| filter.gain_and_whitening(row));
             let sums = &mut sums[place];
             let mut error = vec![0.0; channels];
             for c in 0..channels {
@@ -190,7 +190,7 @@ fn judge(
                 // W ε = e, from the first channel on.
                 let known: f64 = (0..c).map(|d| whitening[c * channels + d] * error[d]).sum();
                 error[c] = (e - known) / w;
-                if let Some(expected) = &expected {
+                if let Some((_, expected)) = expected {
                     let standard: f64 = (0..=c).map(|d| expected[c * channels + d] * error[d]).sum();
                     sums.errors += standard * standard;
                 }

@@ -7,6 +7,9 @@
 //! those whose states have come together are summed, which without coloured noise is the forward algorithm (Rabiner,
 //! Proc. IEEE 77, 1989). The sum over the histories kept is a bound of the marginal likelihood from below; by it the
 //! jumps are judged. Amplitude and rates are fitted in turn with the likeliest history.
+use std::sync::Arc;
+
+use rayon::prelude::*;
 use schuler_recording::case::Markov;
 
 use crate::catalogue::{Candidate, Column, Port, ReadingFault, Search, Target};
@@ -22,6 +25,8 @@ const WORTH_TRYING: f64 = 6.0;
 const PARTS_ON: [f64; 2] = [0.1, 0.3];
 /// Histories kept.
 const BEAM: usize = 16;
+/// Nats behind the likeliest from which on a history is not followed: from there a new one costs less.
+const FORGOTTEN: f64 = 25.0;
 /// Difference of two histories' whitened innovations, in standard deviations, below which they are one.
 const SAME: f64 = 0.1;
 /// Starts that are followed, and how often amplitude and rates are fitted.
@@ -50,7 +55,8 @@ impl Telegraph {
 }
 
 /// What the decoder made of a telegraph.
-struct Decoded {
+#[derive(Clone, Debug)]
+pub struct Decoded {
     /// Whether it is on, by row.
     on: Vec<bool>,
     /// ln of the marginal likelihood over that without jumps.
@@ -59,79 +65,99 @@ struct Decoded {
 
 /// A mean that jumps on and off, for each candidate of that kind.
 pub fn jumps(bench: &Bench<'_>, wanted: &(dyn Fn(usize) -> bool + Sync)) -> Vec<Proposal> {
-    let mut proposals = Vec::new();
-    for (index, candidate) in bench.case.candidates.iter().enumerate() {
-        if !matches!(candidate.search, Search::Readings(ReadingFault::IntermittentJump)) || !wanted(index) {
-            continue;
-        }
-        let known = bench.terms.iter().any(|term| term.candidate == index);
-        if !known && let Some(proposal) = jump(bench, index, candidate) {
-            proposals.push(proposal);
-        }
-    }
-    proposals
+    let candidates = bench.case.candidates.par_iter().enumerate().filter(|(index, candidate)| {
+        let jumps = matches!(candidate.search, Search::Readings(ReadingFault::IntermittentJump));
+        jumps && wanted(*index) && bench.terms.iter().all(|term| term.candidate != *index)
+    });
+    let mut places: Vec<Place> =
+        candidates.filter_map(|(index, candidate)| Place::new(bench, index, candidate)).collect();
+    // A sensor of a redundant set is seen in the others, which have their turn when it is described.
+    places.sort_by(|a, b| a.block.cmp(&b.block).then(b.gain.total_cmp(&a.gain)));
+    places.dedup_by_key(|place| place.block);
+    places.par_iter().filter_map(|place| place.jump(bench)).collect()
 }
 
-fn jump(bench: &Bench<'_>, index: usize, candidate: &Candidate) -> Option<Proposal> {
-    let Target::Sensor(sensor) = candidate.target else { return None };
-    let model = bench.case.model;
-    let place = model.block_of(sensor)?;
-    let source = model.source_of(sensor, Port::Output)?;
-    let (block, filter) = (model.blocks.get(place)?, bench.filters.of_block.get(place)?.as_ref()?);
-    let whitened = bench.blocks.get(place)?.as_ref()?;
-    let spectrum = bench.spectrum(place)?;
-    let (part, gain) = bench.view(place, &spectrum)?.further_markov(source, &model.sources[source])?;
-    if gain < WORTH_TRYING {
-        return None;
+/// Where jumps are sought.
+struct Place {
+    candidate: usize,
+    sensor: usize,
+    block: usize,
+    /// A further Markov part, and what it gains.
+    part: Markov,
+    gain: f64,
+}
+
+impl Place {
+    /// The place of a candidate, if jumps may be there.
+    fn new(bench: &Bench<'_>, index: usize, candidate: &Candidate) -> Option<Self> {
+        let Target::Sensor(sensor) = candidate.target else { return None };
+        let model = bench.case.model;
+        let block = model.block_of(sensor)?;
+        let source = model.source_of(sensor, Port::Output)?;
+        let (part, gain) = bench.view(block)?.further_markov(source, &model.sources[source])?;
+        (gain >= WORTH_TRYING).then_some(Self { candidate: index, sensor, block, part, gain })
     }
-    let rows = block.rows();
-    let decoder = Decoder {
-        filter,
-        remainder: &whitened.remainder,
-        shape: block.project(&Column { parts: vec![(sensor, vec![1.0; rows])] }, Port::Output)?,
-        centred: !whitened.projected.places.is_empty(),
-        weights: filter.weight_of_states(),
-        channels: block.channels,
-    };
-    let term_of = |on: &[bool]| Term {
-        candidate: index,
-        nonlinear: Vec::new(),
-        columns: vec![Column {
-            parts: vec![(sensor, on.iter().map(|&on| f64::from(u8::from(on))).collect())],
-        }],
-        port: Port::Output,
-        unit_amplitude: false,
-        of_the_motion: false,
-        delay_s: None,
-    };
-    let mut found: Vec<Decoded> =
-        starts(part, block.step_s()).into_iter().filter_map(|start| decoder.decode(start)).collect();
-    found.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-    found.truncate(FOLLOWED);
-    for decoded in &mut found {
-        for _ in 0..ITERATIONS {
-            let (_, solution) = bench.with_term(&term_of(&decoded.on));
-            let Some(&amplitude) = solution.amplitudes.as_slice().last() else { break };
-            let [on, off] = rates(&decoded.on);
-            let Some(next) = decoder.decode(Telegraph { amplitude, on, off }) else { break };
-            if next.gain <= decoded.gain {
-                break;
-            }
-            *decoded = next;
+
+    fn term(&self, on: &[bool]) -> Term {
+        Term {
+            candidate: self.candidate,
+            nonlinear: Vec::new(),
+            columns: Arc::new(vec![Column {
+                parts: vec![(self.sensor, on.iter().map(|&on| f64::from(u8::from(on))).collect())],
+            }]),
+            port: Port::Output,
+            unit_amplitude: false,
+            of_the_motion: false,
+            delay_s: None,
         }
     }
-    let best = found.into_iter().max_by(|a, b| a.gain.total_cmp(&b.gain))?;
-    let switchings = best.on.windows(2).filter(|pair| pair[0] != pair[1]).count();
-    let rows_on = best.on.iter().filter(|&&on| on).count();
-    if switchings < FEWEST_SWITCHINGS || rows_on < SHORTEST_STAY_ROWS * switchings.div_ceil(2) {
-        return None;
+
+    fn jump(&self, bench: &Bench<'_>) -> Option<Proposal> {
+        let key = (bench.key(self.block), self.candidate);
+        let best = bench.case.jumps.get_or(key, || self.history(bench))?;
+        let term = self.term(&best.on);
+        let (gain, freedom) = bench.gain_of(&term);
+        // A history that is given gains more than the marginal likelihood; its price is the difference.
+        let marginal = (-ln_chi_squared_tail(2.0 * best.gain.max(0.0), FREEDOM) - LN_PLACES).max(0.0);
+        let ln_places = (-ln_chi_squared_tail(2.0 * gain, freedom) - marginal).max(0.0);
+        Some(Proposal { term, gain, freedom, ln_places, evidence: evidence(gain, freedom, ln_places) })
     }
-    let term = term_of(&best.on);
-    let (gain, freedom) = bench.gain_of(&term);
-    // A history that is given gains more than the marginal likelihood; its price is the difference.
-    let marginal = (-ln_chi_squared_tail(2.0 * best.gain.max(0.0), FREEDOM) - LN_PLACES).max(0.0);
-    let ln_places = (-ln_chi_squared_tail(2.0 * gain, freedom) - marginal).max(0.0);
-    Some(Proposal { term, gain, freedom, ln_places, evidence: evidence(gain, freedom, ln_places) })
+
+    /// The likeliest history, unless it is none of jumps.
+    fn history(&self, bench: &Bench<'_>) -> Option<Decoded> {
+        let block = bench.case.model.blocks.get(self.block)?;
+        let whitened = bench.blocks.get(self.block)?.as_ref()?;
+        let unit = Column { parts: vec![(self.sensor, vec![1.0; block.rows()])] };
+        let decoder = Decoder {
+            filter: &whitened.filter,
+            remainder: &whitened.remainder,
+            shape: block.project(&unit, Port::Output)?,
+            centred: !whitened.projected.places.is_empty(),
+            weights: whitened.filter.weight_of_states(),
+            channels: block.channels,
+        };
+        let starts = starts(self.part, block.step_s()).into_iter();
+        let mut found: Vec<Decoded> = starts.filter_map(|start| decoder.decode(start)).collect();
+        found.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+        found.truncate(FOLLOWED);
+        for decoded in &mut found {
+            for _ in 0..ITERATIONS {
+                let (_, solution) = bench.with_term(&self.term(&decoded.on));
+                let Some(&amplitude) = solution.amplitudes.as_slice().last() else { break };
+                let [on, off] = rates(&decoded.on);
+                let Some(next) = decoder.decode(Telegraph { amplitude, on, off }) else { break };
+                if next.gain <= decoded.gain {
+                    break;
+                }
+                *decoded = next;
+            }
+        }
+        let best = found.into_iter().max_by(|a, b| a.gain.total_cmp(&b.gain))?;
+        let switchings = best.on.windows(2).filter(|pair| pair[0] != pair[1]).count();
+        let rows_on = best.on.iter().filter(|&&on| on).count();
+        let stays = rows_on >= SHORTEST_STAY_ROWS * switchings.div_ceil(2);
+        (switchings >= FEWEST_SWITCHINGS && stays).then_some(best)
+    }
 }
 
 /// Telegraphs with the autocorrelation of a Markov part, up or down.
@@ -170,17 +196,31 @@ struct Decoder<'d> {
 }
 
 /// A history of switchings up to a row.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 struct History {
-    /// State of the filter for a unit shift that went on and off so.
-    state: Vec<f64>,
     on: bool,
     /// ln of its weight.
     weight: f64,
     /// Its place among those of the row before.
-    parent: usize,
+    parent: u8,
     /// ln of the weight of the likeliest of those that it stands for.
     likeliest: f64,
+}
+
+/// A filter's states for a unit shift that went on and off as the histories of a row did, one after the other.
+struct States {
+    size: usize,
+    values: Vec<f64>,
+}
+
+impl States {
+    fn of(&self, place: usize) -> &[f64] {
+        &self.values[place * self.size..][..self.size]
+    }
+
+    fn of_mut(&mut self, place: usize) -> &mut [f64] {
+        &mut self.values[place * self.size..][..self.size]
+    }
 }
 
 impl Decoder<'_> {
@@ -190,82 +230,86 @@ impl Decoder<'_> {
         if !(amplitude.is_finite() && amplitude != 0.0 && on > 0.0 && off > 0.0) {
             return None;
         }
-        let rows = self.filter.rows();
+        let (rows, m) = (self.filter.rows(), self.channels);
         let base = if self.centred { telegraph.part_on() } else { 0.0 };
-        // ln P(on now | before), ln P(off now | before).
-        let turned = |before: bool, now: bool| -> f64 {
-            match (before, now) {
-                (false, true) => on.ln(),
-                (false, false) => (-on).ln_1p(),
-                (true, false) => off.ln(),
-                (true, true) => (-off).ln_1p(),
-            }
-        };
-        let empty = vec![0.0; self.weights.len()];
-        let start = |on: bool, part: f64| History {
-            state: empty.clone(),
-            on,
-            weight: part.ln(),
-            parent: 0,
-            likeliest: part.ln(),
-        };
+        // ln P(off now), ln P(on now), where it was off before and on.
+        let turned = [[(-on).ln_1p(), on.ln()], [off.ln(), (-off).ln_1p()]];
+        let start = |on: bool, part: f64| History { on, weight: part.ln(), parent: 0, likeliest: part.ln() };
         let mut beam = vec![start(false, 1.0 - telegraph.part_on()), start(true, telegraph.part_on())];
-        let mut scratch = self.filter.scratch();
-        let mut back: Vec<Vec<(u8, bool)>> = Vec::with_capacity(rows);
-        // States of histories that ended, to be used again.
-        let mut ended: Vec<Vec<f64>> = Vec::new();
+        // One more than are kept: the one that is compared with them.
+        let size = self.weights.len();
+        let empty = || States { size, values: vec![0.0; (BEAM + 1) * size] };
+        let (mut states, mut next_states) = (empty(), empty());
+        let mut predicted = vec![0.0; BEAM * m];
+        let (mut innovation, mut measured) = (vec![0.0; m], vec![0.0; size]);
         let mut next: Vec<History> = Vec::with_capacity(2 * BEAM);
+        let mut back: Vec<[(u8, bool); BEAM]> = Vec::with_capacity(rows);
         for row in 0..rows {
+            let gains = self.filter.gain_and_whitening(row);
+            let shape = |c: usize| self.shape[c * rows + row];
+            let level = |on: bool| f64::from(u8::from(on)) - base;
+            next.clear();
             for (parent, history) in beam.iter().enumerate() {
+                let predicted = &mut predicted[parent * m..][..m];
+                self.filter.predict(states.of(parent), predicted);
                 for now in [false, true] {
-                    let prior = if row == 0 {
-                        if now == history.on { 0.0 } else { continue }
-                    } else {
-                        turned(history.on, now)
-                    };
-                    let level = f64::from(u8::from(now)) - base;
-                    let mut state = ended.pop().unwrap_or_default();
-                    state.clone_from(&history.state);
-                    let response = self
-                        .filter
-                        .step(row, &mut state, &mut scratch, |c| level * self.shape[c * rows + row]);
-                    let gain: f64 = (0..self.channels)
-                        .map(|c| {
-                            let shift = amplitude * response[c];
-                            shift * (self.remainder[c * rows + row] - 0.5 * shift)
-                        })
-                        .sum();
+                    if row == 0 && now != history.on {
+                        continue;
+                    }
+                    let prior =
+                        if row == 0 { 0.0 } else { turned[usize::from(history.on)][usize::from(now)] };
+                    let mut gain = 0.0;
+                    if let Some((_, whitening)) = gains {
+                        for (c, weights) in whitening.chunks_exact(m).enumerate() {
+                            let innovation = |d: usize| level(now) * shape(d) - predicted[d];
+                            let whitened: f64 = (0..=c).map(|d| weights[d] * innovation(d)).sum();
+                            let shift = amplitude * whitened;
+                            gain += shift * (self.remainder[c * rows + row] - 0.5 * shift);
+                        }
+                    }
                     next.push(History {
-                        state,
                         on: now,
                         weight: history.weight + prior + gain,
-                        parent,
+                        parent: parent as u8,
                         likeliest: history.likeliest + prior + gain,
                     });
                 }
             }
             next.sort_by(|a, b| b.weight.total_cmp(&a.weight));
-            ended.extend(beam.drain(..).map(|history| history.state));
-            for history in next.drain(..) {
-                let alike = |kept: &&mut History| {
-                    let differences = kept.state.iter().zip(&history.state).zip(&self.weights);
+            let least = next.first().map_or(f64::NEG_INFINITY, |best| best.weight - FORGOTTEN);
+            beam.clear();
+            for history in next.iter().take_while(|history| history.weight >= least) {
+                let parent = usize::from(history.parent);
+                measured.copy_from_slice(states.of(parent));
+                if let Some((gain, _)) = gains {
+                    for (d, innovation) in innovation.iter_mut().enumerate() {
+                        *innovation = level(history.on) * shape(d) - predicted[parent * m + d];
+                    }
+                    for (state, gain) in measured.iter_mut().zip(gain.chunks_exact(m)) {
+                        *state += gain.iter().zip(&innovation).map(|(gain, value)| gain * value).sum::<f64>();
+                    }
+                }
+                self.filter.propagate(&measured, next_states.of_mut(beam.len()));
+                let own = next_states.of(beam.len());
+                let alike = |(place, kept): &(usize, &mut History)| {
+                    let differences = next_states.of(*place).iter().zip(own).zip(&self.weights);
                     kept.on == history.on
                         && differences.map(|((a, b), w)| ((a - b) * w).abs()).sum::<f64>() * amplitude.abs()
                             < SAME
                 };
-                if let Some(kept) = beam.iter_mut().find(alike) {
+                if let Some((_, kept)) = beam.iter_mut().enumerate().find(alike) {
                     kept.weight += (history.weight - kept.weight).exp().ln_1p();
                     if history.likeliest > kept.likeliest {
                         (kept.likeliest, kept.parent) = (history.likeliest, history.parent);
                     }
-                    ended.push(history.state);
                 } else if beam.len() < BEAM {
-                    beam.push(history);
-                } else {
-                    ended.push(history.state);
+                    beam.push(*history);
                 }
             }
-            back.push(beam.iter().map(|history| (history.parent as u8, history.on)).collect());
+            std::mem::swap(&mut states, &mut next_states);
+            let mut kept = [(0, false); BEAM];
+            kept.iter_mut().zip(&beam).for_each(|(kept, history)| *kept = (history.parent, history.on));
+            back.push(kept);
         }
         let heaviest = beam.iter().map(|history| history.weight).fold(f64::NEG_INFINITY, f64::max);
         let gain = heaviest + beam.iter().map(|history| (history.weight - heaviest).exp()).sum::<f64>().ln();

@@ -1,13 +1,16 @@
 //! All candidates' signatures through the filter, once: scores, norms and correlations, from which everything else is
 //! linear algebra.
 //!
-//! Every point of a candidate's grid is an *entry* of one or more columns. A whitened column lives in single precision
-//! until its products with the data, the regressors and the other columns of its entry are taken; what is decided by them
-//! is computed again exactly. The correlations of all columns, which only the null distribution needs, are those of their
+//! Every point of a candidate's grid is an *entry* of one or more columns. Its scores with the data and its products with
+//! the regressors are those of the column itself with R⁻¹ of them, one adjoint pass each. Its products with the other
+//! columns of its entry depend on the noises alone and are kept; a whitened column lives in single precision until they
+//! are taken, and what is decided by them is computed again exactly. The correlations of all columns, which only the null distribution needs, are those of their
 //! sketches: rows with random signs summed into `SKETCH` places (Charikar, Chen & Farach-Colton 2004), by which a
 //! correlation ρ has a standard deviation of (1 − ρ²)/√`SKETCH`; a record that is no longer is exact. Memory is that of
 //! a few columns and the sketches, and the work grows as the length.
 use std::borrow::Cow;
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rand::{Rng, SeedableRng};
@@ -16,9 +19,10 @@ use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
 use crate::catalogue::{Candidate, Search, Signature};
-use crate::description::{Delays, Filters, Term, sensors_of};
+use crate::description::{Delays, Term, sensors_of};
 use crate::least_squares::{solve, solve_seen};
 use crate::nominal::{Block, Model};
+use crate::state::Bench;
 use crate::statistics::ln_chi_squared_tail;
 use crate::whiten::Filter;
 
@@ -51,6 +55,8 @@ const EULER_GAMMA: f64 = 0.577_215_664_901_532_9;
 pub struct Entry {
     /// Its place among the candidates.
     pub candidate: usize,
+    /// The number of the point.
+    pub number: usize,
     /// The point.
     pub point: Vec<f64>,
     /// Its first column.
@@ -138,24 +144,17 @@ pub fn grid_points(candidate: &Candidate) -> Vec<Vec<f64>> {
 
 impl Library {
     /// Scores of all candidates beside the constants and `terms`, over every block that has a filter.
-    pub fn new(
-        model: &Model,
-        filters: &Filters,
-        whitened: &[Option<Vec<f64>>],
-        candidates: &[Candidate],
-        terms: &[Term],
-        correlations: bool,
-        wanted: &(dyn Fn(usize) -> bool + Sync),
-    ) -> Self {
+    pub fn new(bench: &Bench<'_>, correlations: bool, wanted: &(dyn Fn(usize) -> bool + Sync)) -> Self {
+        let (model, candidates, terms) = (bench.case.model, bench.case.candidates, &bench.terms);
         let regressors = model.constants.len() + terms.iter().map(Term::amplitudes).sum::<usize>();
         let delays = Delays::new(terms);
         let mut entries = Vec::new();
         let mut first = regressors;
         for (index, candidate) in candidates.iter().enumerate().filter(|(index, _)| wanted(*index)) {
             let unit_amplitude = matches!(candidate.search, Search::Grid { unit_amplitude: true, .. });
-            for point in grid_points(candidate) {
+            for (number, point) in grid_points(candidate).into_iter().enumerate() {
                 let columns = candidate.amplitudes.len().max(1);
-                entries.push(Entry { candidate: index, point, first, columns, unit_amplitude });
+                entries.push(Entry { candidate: index, number, point, first, columns, unit_amplitude });
                 first += columns;
             }
         }
@@ -167,18 +166,12 @@ impl Library {
         let mut builders: Vec<Builder<'_>> = (0..model.blocks.len())
             .into_par_iter()
             .filter_map(|index| {
-                let filter = filters.of_block[index].as_ref()?;
-                let data = whitened[index].as_ref()?;
-                let mut builder = Builder::new(model, index, filter, data, terms, &signs);
+                let mut builder = Builder::new(bench, index, &delays, &signs)?;
                 // What acts on this block alone; what acts on several is made once for all.
                 for (number, entry) in entries.iter().enumerate() {
                     if blocks_of[number] == [index] {
-                        builder.add(
-                            number,
-                            entry,
-                            &candidates[entry.candidate],
-                            &signature(model, &delays, candidates, entry),
-                        );
+                        let signature = signature(model, &delays, candidates, entry);
+                        builder.add(entry, &candidates[entry.candidate], &signature);
                     }
                 }
                 builder.reduce();
@@ -195,7 +188,7 @@ impl Library {
             builders.par_iter_mut().for_each(|builder| {
                 for (&number, signature) in numbers.iter().zip(&signatures) {
                     let entry = &entries[number];
-                    builder.add(number, entry, &candidates[entry.candidate], signature);
+                    builder.add(entry, &candidates[entry.candidate], signature);
                 }
                 builder.reduce();
             });
@@ -389,8 +382,11 @@ fn signs(number: usize) -> Vec<f32> {
     signs
 }
 
-/// Rows with random signs summed into the places of a sketch; of unit length.
+/// Rows with random signs summed into the places of a sketch; of unit length. None without signs.
 fn sketch(column: &[f32], signs: &[f32]) -> Vec<f32> {
+    if signs.is_empty() {
+        return Vec::new();
+    }
     let mut sketch = vec![0.0; SKETCH.min(column.len())];
     for (values, signs) in column.chunks(SKETCH).zip(signs.chunks(SKETCH)) {
         for ((place, value), sign) in sketch.iter_mut().zip(values).zip(signs) {
@@ -413,15 +409,33 @@ fn draw_of_sketches(sketches: &[Vec<f32>], random: &mut Pcg64) -> DVector<f64> {
     DVector::from_iterator(sketches.len(), sketches.iter().map(|sketch| tiled_dot(sketch, &independent)))
 }
 
+/// Products of each of the whitened columns of an entry with those up to itself.
+type OfEntry = Vec<Vec<f64>>;
+
+/// Columns of an entry that reach a block, by their places in the library.
+type Reached = Vec<(usize, Vec<f64>)>;
+
+/// Sums of products of the whitened columns of entries among themselves, by candidate and number of the point.
+#[derive(Debug, Default)]
+pub struct Products(Mutex<HashMap<(usize, usize), OfEntry>>);
+
+impl Products {
+    fn known(&self) -> MutexGuard<'_, HashMap<(usize, usize), OfEntry>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
 /// Takes the columns of a block in, one entry after the other.
 struct Builder<'b> {
     block: &'b Block,
     filter: &'b Filter,
-    data: &'b [f64],
     signs: &'b [f32],
-    regressors: Vec<Vec<f32>>,
-    /// Column and entry of what waits to be whitened.
-    waiting: Vec<(usize, usize, Vec<f64>)>,
+    /// R⁻¹ of the data, and of the regressors.
+    data: Vec<f64>,
+    regressors: Vec<Vec<f64>>,
+    products: Arc<Products>,
+    /// Entries that are not reduced yet.
+    waiting: Vec<(&'b Entry, Reached)>,
     ids: Vec<usize>,
     scores: Vec<f64>,
     with_regressors: Vec<Vec<f64>>,
@@ -430,23 +444,20 @@ struct Builder<'b> {
 }
 
 impl<'b> Builder<'b> {
-    fn new(
-        model: &'b Model,
-        index: usize,
-        filter: &'b Filter,
-        data: &'b [f64],
-        terms: &[Term],
-        signs: &'b [f32],
-    ) -> Self {
-        let projected = crate::description::project(model, index, terms);
-        let views: Vec<&[f64]> = projected.columns.iter().map(Vec::as_slice).collect();
-        let regressors = filter.whiten_single(&views);
+    fn new(bench: &'b Bench<'_>, index: usize, delays: &Delays, signs: &'b [f32]) -> Option<Self> {
+        let model = bench.case.model;
+        let (block, whitened) = (&model.blocks[index], bench.blocks[index].as_ref()?);
+        let [data, regressors @ ..] = whitened.columns.as_slice() else { return None };
+        let noises = block.sources.iter().map(|&source| bench.noises[source].clone()).collect();
+        let key = (index, noises, delays.among(&block.sensors));
+        let filter = &*whitened.filter;
         let mut builder = Self {
-            block: &model.blocks[index],
+            block,
             filter,
-            data,
             signs,
-            regressors: Vec::new(),
+            data: filter.adjoint(data),
+            regressors: regressors.par_iter().map(|column| filter.adjoint(column)).collect(),
+            products: bench.case.products.get_or(key, Arc::default),
             waiting: Vec::new(),
             ids: Vec::new(),
             scores: Vec::new(),
@@ -454,60 +465,86 @@ impl<'b> Builder<'b> {
             with_entry: Vec::new(),
             sketches: Vec::new(),
         };
-        for (place, column) in projected.places.into_iter().zip(regressors) {
-            builder.regressors.push(column);
-            let column = &builder.regressors[builder.regressors.len() - 1];
-            let sums = builder.sums_of(column);
-            builder.push(place, sums, Vec::new());
+        for (place, column) in whitened.projected.places.iter().zip(&whitened.projected.columns) {
+            let (score, with_regressors) = builder.sums_of(column);
+            let whitened =
+                if signs.is_empty() { Vec::new() } else { filter.whiten_single(&[column]).concat() };
+            builder.push(*place, score, with_regressors, Vec::new(), sketch(&whitened, signs));
         }
-        builder
+        Some(builder)
     }
 
-    /// Takes an entry in; columns are whitened when there are enough.
-    fn add(&mut self, number: usize, entry: &Entry, candidate: &Candidate, signature: &Signature) {
-        for (index, column) in signature.columns.iter().enumerate().take(entry.columns) {
-            if let Some(values) = self.block.project(column, candidate.port) {
-                self.waiting.push((entry.first + index, number, values));
-            }
-        }
-        if self.waiting.len() >= BATCH * rayon::current_num_threads().max(1) {
+    /// Takes an entry in; entries are reduced when there are enough columns.
+    fn add(&mut self, entry: &'b Entry, candidate: &Candidate, signature: &Signature) {
+        let columns = signature.columns.iter().enumerate().take(entry.columns);
+        let reached = columns.filter_map(|(index, column)| {
+            Some((entry.first + index, self.block.project(column, candidate.port)?))
+        });
+        self.waiting.push((entry, reached.collect()));
+        let number: usize = self.waiting.iter().map(|(_, columns)| columns.len()).sum();
+        if number >= BATCH * rayon::current_num_threads().max(1) {
             self.reduce();
         }
     }
 
-    /// Whitens what waits, and takes all products that are needed of it.
+    /// Takes all products that are needed of what waits; it is whitened where they are not known.
     fn reduce(&mut self) {
         let waiting = std::mem::take(&mut self.waiting);
-        let whitened: Vec<Vec<f32>> = (waiting.par_chunks(BATCH))
-            .flat_map_iter(|batch| {
-                let views: Vec<&[f64]> = batch.iter().map(|(_, _, values)| values.as_slice()).collect();
-                self.filter.whiten_single(&views)
+        let known: Vec<Option<OfEntry>> = {
+            let all = self.products.known();
+            waiting.iter().map(|(entry, _)| all.get(&(entry.candidate, entry.number)).cloned()).collect()
+        };
+        let asked = |known: &Option<OfEntry>| known.is_none() || !self.signs.is_empty();
+        let unknown: Vec<&[f64]> = (waiting.iter().zip(&known).filter(|(_, known)| asked(known)))
+            .flat_map(|((_, columns), _)| columns.iter().map(|(_, values)| values.as_slice()))
+            .collect();
+        let mut whitened = (unknown.par_chunks(BATCH))
+            .flat_map_iter(|batch| self.filter.whiten_single(batch))
+            .collect::<Vec<Vec<f32>>>()
+            .into_iter();
+        let own: Vec<Vec<Vec<f32>>> = (waiting.iter().zip(&known))
+            .map(|((_, columns), known)| {
+                let number = if asked(known) { columns.len() } else { 0 };
+                whitened.by_ref().take(number).collect()
             })
             .collect();
-        let reduced: Vec<_> = (0..waiting.len())
-            .into_par_iter()
-            .map(|place| {
-                let number = waiting[place].1;
-                let first = waiting.partition_point(|(_, other, _)| *other < number);
-                let own = (first..=place).map(|other| tiled_dot(&whitened[place], &whitened[other]));
-                (self.sums_of(&whitened[place]), own.collect())
+        let reduced: Vec<_> = ((&waiting, known, own).into_par_iter())
+            .map(|((_, columns), known, own)| {
+                let sums: Vec<_> = columns.iter().map(|(_, values)| self.sums_of(values)).collect();
+                let of = |place: usize| -> Vec<f64> {
+                    own[..=place].iter().map(|other| tiled_dot(&own[place], other)).collect()
+                };
+                let products = known.unwrap_or_else(|| (0..own.len()).map(of).collect());
+                let sketches: Vec<_> = own.iter().map(|column| sketch(column, self.signs)).collect();
+                (sums, products, sketches)
             })
             .collect();
-        for ((id, _, _), (sums, own)) in waiting.iter().zip(reduced) {
-            self.push(*id, sums, own);
+        let products_of = Arc::clone(&self.products);
+        for ((entry, columns), (sums, products, mut sketches)) in waiting.iter().zip(reduced) {
+            sketches.resize(columns.len(), Vec::new());
+            for ((((column, _), (score, with_regressors)), with_entry), sketch) in
+                columns.iter().zip(sums).zip(&products).zip(sketches)
+            {
+                self.push(*column, score, with_regressors, with_entry.clone(), sketch);
+            }
+            products_of.known().insert((entry.candidate, entry.number), products);
         }
     }
 
-    /// Score, products with the regressors, and sketch of a whitened column.
-    fn sums_of(&self, column: &[f32]) -> (f64, Vec<f64>, Vec<f32>) {
-        let score = column.iter().zip(self.data).map(|(a, b)| f64::from(*a) * b).sum();
-        let with_regressors = self.regressors.iter().map(|other| tiled_dot(column, other)).collect();
-        let sketch = if self.signs.is_empty() { Vec::new() } else { sketch(column, self.signs) };
-        (score, with_regressors, sketch)
+    /// Score of a column and its products with the regressors, of the whitened ones.
+    fn sums_of(&self, column: &[f64]) -> (f64, Vec<f64>) {
+        let with_regressors = self.regressors.iter().map(|other| crate::least_squares::dot(column, other));
+        (crate::least_squares::dot(column, &self.data), with_regressors.collect())
     }
 
-    fn push(&mut self, id: usize, sums: (f64, Vec<f64>, Vec<f32>), with_entry: Vec<f64>) {
-        let (score, with_regressors, sketch) = sums;
+    fn push(
+        &mut self,
+        id: usize,
+        score: f64,
+        with_regressors: Vec<f64>,
+        with_entry: Vec<f64>,
+        sketch: Vec<f32>,
+    ) {
         self.ids.push(id);
         self.scores.push(score);
         self.with_regressors.push(with_regressors);

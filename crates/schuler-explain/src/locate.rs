@@ -3,6 +3,8 @@
 //! Tests on innovations, which are independent standard normals under the description: NIS in windows against χ²,
 //! Ljung–Box, the largest cumulative sum (Kolmogorov's distribution), the spectrum in bands against χ², and the mean
 //! under each recorded condition in ten bins. All p-values are multiplied by the number of tests.
+use std::sync::Arc;
+
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::catalogue::{Column, Port};
@@ -81,10 +83,12 @@ pub fn left(case: &Case<'_>, state: &State, inputs: &Inputs<'_>) -> (bool, Optio
         let term = Term {
             candidate: usize::MAX,
             nonlinear: Vec::new(),
-            columns: spline(condition.values)
-                .into_iter()
-                .map(|values| Column { parts: vec![(sensor, values)] })
-                .collect(),
+            columns: Arc::new(
+                spline(condition.values)
+                    .into_iter()
+                    .map(|values| Column { parts: vec![(sensor, values)] })
+                    .collect(),
+            ),
             port: Port::Output,
             unit_amplitude: false,
             of_the_motion: false,

@@ -9,7 +9,7 @@ use schuler_recording::case::{ExponentialCosine, Markov};
 use crate::catalogue::{NoiseChange, Port};
 use crate::description::Projected;
 use crate::noise::{Flicker, Knob, Noise, VarianceStep};
-use crate::noise_fit::{SourceKnob, exact, polish, whittle};
+use crate::noise_fit::{SourceKnob, exact, logs_of, polish, whittle};
 use crate::nominal::{Block, Source};
 use crate::spectrum::Spectrum;
 use crate::statistics::{ln_chi_squared_tail, ln_rough_scan_tail};
@@ -31,6 +31,9 @@ const FLICKER_STEPS: [f64; 2] = [2.0, 6.0];
 const LEVELS: [f64; 7] = [0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0];
 /// Starts kept for the simplex.
 const STARTS: usize = 2;
+/// Nats, and logarithms of the parameters, within which two starts have led to the same place.
+const SAME_NATS: f64 = 0.05;
+const SAME_PLACE: f64 = 0.1;
 /// Frequencies tried for an exponential-cosine.
 const PEAKS: usize = 4;
 /// Logarithm of the number of places searched for a further Markov part, and for an exponential-cosine.
@@ -110,9 +113,21 @@ impl View<'_> {
             }
         }
         let mut best: Option<ChangeFit> = None;
+        // Where starts led by Whittle's likelihood: from the same place the exact one leads to the same as well.
+        let mut reached: Vec<(Vec<Knob>, f64, Vec<f64>)> = Vec::new();
         for start in kept {
             let knobs: Vec<SourceKnob> = start.knobs.iter().map(|&knob| (source, knob)).collect();
             let (noises, likelihood) = whittle(self.block, &one, &start.noises, &knobs);
+            let logs = logs_of(&noises, &knobs);
+            let same = |(other, height, place): &(Vec<Knob>, f64, Vec<f64>)| {
+                *other == start.knobs
+                    && (height - likelihood).abs() < SAME_NATS
+                    && place.iter().zip(&logs).all(|(a, b)| (a - b).abs() < SAME_PLACE)
+            };
+            if reached.iter().any(same) {
+                continue;
+            }
+            reached.push((start.knobs.clone(), likelihood, logs));
             let promised = likelihood - base;
             let ln_p = ln_chi_squared_tail(2.0 * promised, start.freedom) + start.ln_places;
             if promised < WORTH_POLISHING || -ln_p < LEAST_EVIDENCE {

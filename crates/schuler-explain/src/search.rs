@@ -13,7 +13,6 @@ use crate::minimise::{golden, simplex};
 use crate::noise_change::{ChangeFit, View};
 use crate::nominal::Source;
 use crate::scan::{Scan, Scanner};
-use crate::spectrum::Spectrum;
 use crate::state::{Bench, State};
 use crate::statistics::ln_chi_squared_tail;
 
@@ -62,6 +61,7 @@ pub struct Family {
 }
 
 /// Where and how much a candidate promises, before it is evaluated exactly.
+#[derive(Clone, Debug)]
 pub struct Promise {
     /// Its place among the candidates.
     pub candidate: usize,
@@ -112,10 +112,7 @@ impl Family {
 
 /// The library of all candidates under a bench.
 pub fn library(bench: &Bench<'_>, correlations: bool, wanted: &(dyn Fn(usize) -> bool + Sync)) -> Library {
-    let data: Vec<Option<Vec<f64>>> =
-        bench.blocks.iter().map(|block| block.as_ref().map(|block| block.columns[0].clone())).collect();
-    let (model, candidates) = (bench.case.model, bench.case.candidates);
-    Library::new(model, &bench.filters, &data, candidates, &bench.terms, correlations, wanted)
+    Library::new(bench, correlations, wanted)
 }
 
 /// The best deterministic candidates under a bench, evaluated exactly, best first; `wanted` says which take part.
@@ -302,10 +299,6 @@ impl Bench<'_> {
     /// What a change of the noise of each source of the given blocks would gain, best first.
     pub fn noise_changes(&self, state: &State, blocks: &[usize]) -> Vec<(usize, ChangeFit)> {
         let model = self.case.model;
-        let spectra: Vec<_> = (0..model.blocks.len())
-            .into_par_iter()
-            .map(|index| if blocks.contains(&index) { self.spectrum(index) } else { None })
-            .collect();
         let mut found: Vec<(usize, ChangeFit)> = (self.case.candidates.par_iter().enumerate())
             .filter_map(|(place, candidate)| {
                 let Search::Noise(change) = candidate.search else { return None };
@@ -324,8 +317,11 @@ impl Bench<'_> {
                     return None;
                 }
                 let index = model.blocks.iter().position(|block| block.sources.contains(&source))?;
-                let view = self.view(index, spectra[index].as_ref()?)?;
-                Some((place, view.fit(source, &model.sources[source], change)?))
+                if !blocks.contains(&index) {
+                    return None;
+                }
+                let fit = || self.view(index)?.fit(source, &model.sources[source], change);
+                Some((place, self.case.changes.get_or((self.key(index), source, change), fit)?))
             })
             .collect();
         found.sort_by(|a, b| a.1.ln_p.total_cmp(&b.1.ln_p));
@@ -335,12 +331,11 @@ impl Bench<'_> {
     /// The best fit of one change of the noise of a source.
     pub fn fit_change(&self, source: usize, origin: &Source, change: NoiseChange) -> Option<ChangeFit> {
         let index = self.case.model.blocks.iter().position(|block| block.sources.contains(&source))?;
-        let spectrum = self.spectrum(index)?;
-        self.view(index, &spectrum)?.fit(source, origin, change)
+        self.view(index)?.fit(source, origin, change)
     }
 
     /// A block under its present noises.
-    pub fn view<'v>(&'v self, index: usize, spectrum: &'v Spectrum) -> Option<View<'v>> {
+    pub fn view(&self, index: usize) -> Option<View<'_>> {
         let whitened = self.blocks[index].as_ref()?;
         Some(View {
             block: &self.case.model.blocks[index],
@@ -348,7 +343,7 @@ impl Bench<'_> {
             noises: &self.noises,
             filter: self.filters.of_block[index].as_ref()?,
             whitened: &whitened.remainder,
-            spectrum,
+            spectrum: self.spectrum(index)?,
             log_likelihood: whitened.log_likelihood,
         })
     }

@@ -13,6 +13,7 @@ use rayon::prelude::*;
 
 use crate::catalogue::{NoiseChange, Search, Target};
 use crate::description::{Term, blocks_of};
+use crate::jump::jumps;
 use crate::library::Library;
 use crate::noise::Knob;
 use crate::noise_change::ChangeFit;
@@ -95,15 +96,16 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
     let (null, bench) = refitted(case, &start, None);
     let whole = library(&bench, true, &|_| true);
     let family = Family::new(case.candidates, &whole);
-    drop(bench);
+    let first = Promised::new(&bench, &whole, &family);
+    drop((bench, whole));
     let ln_level = level.ln();
-    let searched = |order: Order, library: Option<Library>| {
-        let found = forward(case, &null, &family, ln_level, order, library);
+    let searched = |order: Order| {
+        let found = forward(case, &null, &family, ln_level, order, first.clone());
         merged(case, found, &family, ln_level)
     };
-    let mut found = searched(Order::Best, Some(whole));
+    let mut found = searched(Order::Best);
     if !found.0.changes.is_empty() {
-        let other = searched(Order::TermsFirst, None);
+        let other = searched(Order::TermsFirst);
         if worth(case, &other, &family) > worth(case, &found, &family) {
             found = other;
         }
@@ -122,6 +124,32 @@ enum Order {
     TermsFirst,
 }
 
+/// What terms promise under a description, and what those that were evaluated show.
+#[derive(Clone)]
+struct Promised {
+    promises: Vec<Promise>,
+    proposals: Vec<Proposal>,
+}
+
+impl Promised {
+    /// All terms, under a description with its library.
+    fn new(bench: &Bench<'_>, library: &Library, family: &Family) -> Self {
+        let mut promises = promises(bench, library, family, &|_| true);
+        let mut proposals = jumps(bench, &|_| true);
+        evaluate(bench, &mut promises, &mut proposals);
+        Self { promises, proposals }
+    }
+
+    /// The same after a round, which leaves what it does not touch as it was.
+    fn renew(&mut self, bench: &Bench<'_>, family: &Family, touched: &(dyn Fn(usize) -> bool + Sync)) {
+        self.promises.retain(|promise| !touched(promise.candidate));
+        self.proposals.retain(|proposal| !touched(proposal.term.candidate));
+        self.promises.extend(promises(bench, &library(bench, false, touched), family, touched));
+        self.proposals.extend(jumps(bench, touched));
+        evaluate(bench, &mut self.promises, &mut self.proposals);
+    }
+}
+
 /// A description, whitened, and the prices of its terms.
 type Found<'c> = (State, Bench<'c>, Vec<Price>);
 
@@ -131,41 +159,30 @@ fn worth(case: &Case<'_>, (state, _, prices): &Found<'_>, family: &Family) -> f6
     state.log_likelihood - shown(case, state, prices, family).iter().map(cost).sum::<f64>()
 }
 
-/// Rounds of the search from `null`; `first` is its library, if that is there.
+/// Rounds of the search from `null`, where terms promise what `promised` says.
 fn forward<'c>(
     case: &'c Case<'c>,
     null: &State,
     family: &Family,
     ln_level: f64,
     order: Order,
-    mut first: Option<Library>,
+    mut promised: Promised,
 ) -> Found<'c> {
     let mut state = null.clone();
     let mut bench = Bench::new(case, &state.terms, &state.noises);
     let mut terms_only = order == Order::TermsFirst;
     let mut prices: Vec<Price> = Vec::new();
-    // What was found in blocks that the last round left as they were still holds.
-    let mut promised: Vec<Promise> = Vec::new();
-    let mut proposals: Vec<Proposal> = Vec::new();
     let mut noises: Vec<(usize, ChangeFit)> = Vec::new();
-    let mut stale: Vec<usize> = (0..case.model.blocks.len()).collect();
     // Blocks whose changes of noise are to be fitted anew.
-    let mut unfitted = stale.clone();
+    let mut unfitted: Vec<usize> = (0..case.model.blocks.len()).collect();
     let mut visited: Vec<(Vec<usize>, Vec<usize>)> = vec![identity(&state)];
     for round in 0..MOST_ROUNDS {
         if state.terms.len() + state.changes.len() >= MOST_FINDINGS || case.watch.is_cancelled() {
             break;
         }
         case.watch.progress(Phase::Search, round as f64 / (round as f64 + USUAL_ROUNDS));
-        let touched = |candidate: usize| touches(case, candidate, &stale);
-        promised.retain(|promise| !touched(promise.candidate));
-        proposals.retain(|proposal| !touched(proposal.term.candidate));
-        let library = first.take().unwrap_or_else(|| library(&bench, false, &touched));
-        promised.extend(promises(&bench, &library, family, &touched));
-        drop(library);
-        proposals.extend(crate::jump::jumps(&bench, &touched));
-        evaluate(&bench, &mut promised, &mut proposals);
-        judge_beside_free_noise(case, &state, &bench, &mut proposals);
+        let proposals = &mut promised.proposals;
+        judge_beside_free_noise(case, &state, &bench, proposals);
         for proposal in swallowed(case, &state, &bench, family) {
             let known = |other: &Proposal| other.term.candidate == proposal.term.candidate;
             match proposals.iter_mut().find(|other| known(other)) {
@@ -177,7 +194,7 @@ fn forward<'c>(
         proposals.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         let mut chosen = None;
         if terms_only {
-            chosen = choose(case, &state, &bench, family, &proposals, &[], ln_level);
+            chosen = choose(case, &state, &bench, family, proposals, &[], ln_level);
             terms_only = chosen.is_some() && state.terms.len() < MOST_TERMS_FIRST;
         }
         if !terms_only {
@@ -187,7 +204,7 @@ fn forward<'c>(
             noises.extend(bench.noise_changes(&state, &unfitted));
             noises.sort_by(|a, b| a.1.ln_p.total_cmp(&b.1.ln_p));
             unfitted.clear();
-            chosen = choose(case, &state, &bench, family, &proposals, &noises, ln_level);
+            chosen = choose(case, &state, &bench, family, proposals, &noises, ln_level);
         }
         let Some(chosen) = chosen else { break };
         let (mut next, mut next_prices) = (state.clone(), prices.clone());
@@ -206,9 +223,10 @@ fn forward<'c>(
             break;
         }
         visited.push(identity(&next));
-        stale = changed_blocks(case.model, &state, &next);
+        let stale = changed_blocks(case.model, &state, &next);
         unfitted.extend(&stale);
         (state, bench, prices) = (next, next_bench, next_prices);
+        promised.renew(&bench, family, &|candidate| touches(case, candidate, &stale));
     }
     (state, bench, prices)
 }

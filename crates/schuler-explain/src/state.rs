@@ -1,15 +1,18 @@
 //! Where the selection stands: terms, noises and which of their parameters are free, and everything whitened under it.
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use crate::catalogue::{Candidate, NoiseChange};
 use crate::description::{Delays, Filters, Projected, Sums, Term, evaluate, places, project};
+use crate::jump::Decoded;
 use crate::least_squares::{Solution, dot, solve};
+use crate::library::Products;
 use crate::noise::{Knob, Noise};
-use crate::noise_fit::{SourceKnob, polish};
+use crate::noise_change::ChangeFit;
+use crate::noise_fit::{NoiseFit, SourceKnob, polish};
 use crate::nominal::Model;
 use crate::spectrum::Spectrum;
 use crate::watch::Watch;
@@ -30,11 +33,40 @@ pub struct Case<'c> {
     pub watch: &'c dyn Watch,
     /// Blocks whitened before, the last one used first: most descriptions differ from the one before in one block.
     kept: Mutex<VecDeque<(Key, Arc<Whitened>)>>,
+    /// Noises that were fitted, by what they were fitted to and their free parameters.
+    fits: Memo<(Key, Vec<SourceKnob>), NoiseFit>,
+    /// Changes of a source's noise that were fitted.
+    pub(crate) changes: Memo<(Key, usize, NoiseChange), Option<ChangeFit>>,
+    /// Histories of the jumps of a sensor.
+    pub(crate) jumps: Memo<(Key, usize), Option<Decoded>>,
+    /// Sums of squares and products of whitened signatures, which do not depend on what is described.
+    pub(crate) products: Memo<(usize, Vec<Noise>, Delays), Arc<Products>>,
+}
+
+/// What was computed before. The same descriptions come up again: when an item is taken out to see what it shows, when
+/// the search is done in another order, and when the findings are told.
+pub struct Memo<K, V>(Mutex<Vec<(K, V)>>);
+
+impl<K: PartialEq, V: Clone> Memo<K, V> {
+    fn new() -> Self {
+        Self(Mutex::new(Vec::new()))
+    }
+
+    /// The value of a key, computed if it was not.
+    pub fn get_or(&self, key: K, compute: impl FnOnce() -> V) -> V {
+        let known = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, value)) = known().iter().find(|(other, _)| *other == key) {
+            return value.clone();
+        }
+        let value = compute();
+        known().push((key, value.clone()));
+        value
+    }
 }
 
 /// What a whitened block depends on: its place, its noises, and the terms that reach it.
 #[derive(Clone, Debug, PartialEq)]
-struct Key {
+pub struct Key {
     block: usize,
     noises: Vec<Noise>,
     terms: Vec<(usize, Vec<f64>, f64)>,
@@ -48,7 +80,17 @@ impl<'c> Case<'c> {
         time_s: &'c [f64],
         watch: &'c dyn Watch,
     ) -> Self {
-        Self { model, candidates, time_s, watch, kept: Mutex::new(VecDeque::new()) }
+        Self {
+            model,
+            candidates,
+            time_s,
+            watch,
+            kept: Mutex::new(VecDeque::new()),
+            fits: Memo::new(),
+            changes: Memo::new(),
+            jumps: Memo::new(),
+            products: Memo::new(),
+        }
     }
 
     /// What tells terms of a candidate apart whose signature was made from the readings and not from parameters.
@@ -62,19 +104,22 @@ impl<'c> Case<'c> {
         values.enumerate().map(|(row, value)| (row + 1) as f64 * value).sum()
     }
 
+    /// What a block depends on under a description.
+    fn key(&self, index: usize, terms: &[Term], noises: &[Noise]) -> Key {
+        let block = &self.model.blocks[index];
+        let reaches = |term: &&Term| term.columns.iter().any(|c| block.is_reached(c, term.port));
+        let known = |term: &Term| (term.candidate, term.nonlinear.clone(), self.mark(term));
+        Key {
+            block: index,
+            noises: block.sources.iter().map(|&source| noises[source].clone()).collect(),
+            terms: terms.iter().filter(reaches).map(known).collect(),
+        }
+    }
+
     /// A block whitened; `None` where its noises are singular.
     fn whitened(&self, index: usize, terms: &[Term], noises: &[Noise]) -> Option<Arc<Whitened>> {
         let block = &self.model.blocks[index];
-        let reaches = |term: &&Term| term.columns.iter().any(|c| block.is_reached(c, term.port));
-        let key = Key {
-            block: index,
-            noises: block.sources.iter().map(|&source| noises[source].clone()).collect(),
-            terms: terms
-                .iter()
-                .filter(reaches)
-                .map(|term| (term.candidate, term.nonlinear.clone(), self.mark(term)))
-                .collect(),
-        };
+        let key = self.key(index, terms, noises);
         {
             let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
             if let Some(place) = kept.iter().position(|(other, _)| *other == key)
@@ -93,7 +138,9 @@ impl<'c> Case<'c> {
         let sums = Sums::of_whitened(&filter, &columns);
         let log_likelihood = sums.best();
         let remainder = remainder(&columns, &sums);
-        let whitened = Arc::new(Whitened { filter, projected, columns, sums, remainder, log_likelihood });
+        let spectrum = OnceLock::new();
+        let whitened =
+            Arc::new(Whitened { filter, projected, columns, sums, remainder, spectrum, log_likelihood });
         let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         kept.push_front((key, Arc::clone(&whitened)));
         let mut values = 0;
@@ -162,6 +209,7 @@ pub struct Whitened {
     pub sums: Sums,
     /// Whitened residual after the regressors.
     pub remainder: Vec<f64>,
+    spectrum: OnceLock<Spectrum>,
     /// Log-likelihood with the regressors at this block's best.
     pub log_likelihood: f64,
 }
@@ -274,7 +322,8 @@ impl<'c> Bench<'c> {
         let (model, delays) = (self.case.model, Delays::new(&self.terms));
         let whole = |term: &Term| Term { unit_amplitude: false, ..delays.late_term(model, term) };
         let (a, b) = (whole(a), whole(b));
-        let both = Term { columns: a.columns.iter().chain(&b.columns).cloned().collect(), ..a.clone() };
+        let columns = Arc::new(a.columns.iter().chain(&*b.columns).cloned().collect());
+        let both = Term { columns, ..a.clone() };
         let ports_differ = a.port != b.port;
         if ports_differ && self.case.model.blocks.len() > 1 {
             return 90.0;
@@ -392,9 +441,17 @@ impl<'c> Bench<'c> {
     }
 
     /// Spectrum of a block's residual.
-    pub fn spectrum(&self, block: usize) -> Option<Spectrum> {
-        let (whitened, filter) = (self.blocks[block].as_ref()?, self.filters.of_block[block].as_ref()?);
-        Some(Spectrum::new(&self.case.model.blocks[block], filter, &self.noises, &whitened.remainder))
+    pub fn spectrum(&self, block: usize) -> Option<&Spectrum> {
+        let whitened = self.blocks[block].as_ref()?;
+        let (block, filter) = (&self.case.model.blocks[block], &whitened.filter);
+        Some(
+            whitened.spectrum.get_or_init(|| Spectrum::new(block, filter, &self.noises, &whitened.remainder)),
+        )
+    }
+
+    /// What a block depends on.
+    pub fn key(&self, block: usize) -> Key {
+        self.case.key(block, &self.terms, &self.noises)
     }
 }
 
@@ -424,10 +481,11 @@ pub fn refitted<'c>(case: &'c Case<'c>, state: &State, only: Option<&[usize]>) -
             if free.is_empty() || only.is_some_and(|only| !only.contains(&index)) {
                 return None;
             }
-            let spectrum = bench.spectrum(index)?;
             let whitened = bench.blocks[index].as_ref()?;
-            let block = &case.model.blocks[index];
-            let fit = polish(block, &spectrum, &whitened.projected, &state.noises, &free);
+            let spectrum = bench.spectrum(index)?;
+            let fit = case.fits.get_or((bench.key(index), free.clone()), || {
+                polish(&case.model.blocks[index], spectrum, &whitened.projected, &state.noises, &free)
+            });
             (fit.log_likelihood > whitened.log_likelihood).then_some((index, fit))
         })
         .collect();

@@ -173,43 +173,26 @@ impl Filter {
         scores
     }
 
-    /// Numbers that [`step`](Self::step) needs to work on.
-    pub fn scratch(&self) -> Vec<f64> {
-        vec![0.0; self.states + 2 * self.channels]
+    /// What a state predicts for the channels.
+    pub fn predict(&self, state: &[f64], channels: &mut [f64]) {
+        for (channel, seen) in channels.iter_mut().zip(self.seen.chunks_exact(self.states.max(1))) {
+            *channel = dot(seen, state);
+        }
     }
 
-    /// One row of one column: `state` goes on to the next row. Gives the whitened innovations, 0 where the row is missing.
-    pub fn step<'s>(
-        &self,
-        row: usize,
-        state: &mut [f64],
-        scratch: &'s mut [f64],
-        input: impl Fn(usize) -> f64,
-    ) -> &'s [f64] {
+    /// The gain K (states × channels) and the whitening matrix W (channels × channels) of a row, by rows; `None` where
+    /// it is missing.
+    pub fn gain_and_whitening(&self, row: usize) -> Option<(&[f64], &[f64])> {
+        let index = self.index.get(row).copied().filter(|&index| index != MISSING)?;
         let (n, m) = (self.states, self.channels);
-        let (whitened, rest) = scratch.split_at_mut(m);
-        let (innovation, before) = rest.split_at_mut(m);
-        whitened.fill(0.0);
-        if let Some(&index) = self.index.get(row).filter(|&&index| index != MISSING) {
-            let (gain, whitening) = self.gains[index as usize * (n * m + m * m)..].split_at(n * m);
-            for (c, (innovation, seen)) in
-                innovation.iter_mut().zip((0..m).map(|c| &self.seen[c * n..(c + 1) * n])).enumerate()
-            {
-                let predicted: f64 = seen.iter().zip(&*state).map(|(seen, state)| seen * state).sum();
-                *innovation = input(c) - predicted;
-            }
-            for (state, gain) in state.iter_mut().zip(gain.chunks_exact(m)) {
-                *state += gain.iter().zip(&*innovation).map(|(gain, value)| gain * value).sum::<f64>();
-            }
-            for (c, (whitened, weights)) in whitened.iter_mut().zip(whitening.chunks_exact(m)).enumerate() {
-                *whitened = weights.iter().zip(&*innovation).take(c + 1).map(|(w, value)| w * value).sum();
-            }
+        Some(self.gains.get(index as usize * (n * m + m * m)..)?.get(..n * m + m * m)?.split_at(n * m))
+    }
+
+    /// A state a step later.
+    pub fn propagate(&self, state: &[f64], next: &mut [f64]) {
+        for (next, from) in next.iter_mut().zip(&self.transition) {
+            *next = from.iter().map(|&(j, weight)| weight * state[j]).sum();
         }
-        before.copy_from_slice(state);
-        for (state, from) in state.iter_mut().zip(&self.transition) {
-            *state = from.iter().map(|&(j, weight)| weight * before[j]).sum();
-        }
-        whitened
     }
 
     /// How much each state weighs in the whitened innovations of the settled filter.
@@ -218,14 +201,6 @@ impl Filter {
         let (n, m) = (self.states, self.channels);
         let seen = |c: usize, i: usize| self.seen[c * n + i].abs() * whitening[c * m + c].abs();
         (0..n).map(|i| (0..m).map(|c| seen(c, i)).sum()).collect()
-    }
-
-    /// The whitening matrix W of a row, by rows; `None` where the row is missing.
-    pub fn whitening(&self, row: usize) -> Option<Vec<f64>> {
-        let index = self.index.get(row).copied().filter(|&index| index != MISSING)?;
-        let (n, m) = (self.states, self.channels);
-        let first = index as usize * (n * m + m * m) + n * m;
-        self.gains.get(first..first + m * m).map(<[f64]>::to_vec)
     }
 
     /// The gain and the whitening matrix that it settles at, by rows: K (states × channels), W (channels × channels).
