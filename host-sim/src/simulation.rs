@@ -701,8 +701,8 @@ fn source(scenario: &Scenario, entry: &LoopEntry, source: &ErrorSource, name: &s
     }
 }
 
-/// The case that goes with the recording.
-fn case(scenario: &Scenario) -> Case {
+/// The case that goes with the recording of a scenario.
+pub fn case(scenario: &Scenario) -> Case {
     let three = |names: [&str; 3]| Some(names.map(str::to_owned));
     let mut motion = NominalMotion::default();
     match scenario.told {

@@ -330,6 +330,8 @@ impl<'c> Bench<'c> {
             (it.concealed.inject)(&mut scenario, it.size);
         }
         let mut simulated = self.run(&scenario)?;
+        // The user believes what stood before anything was concealed, the step of a converter included.
+        simulated.case = simulation::case(&self.setting.scenario);
         let told = self.outputs(&simulated);
         // What is left of the record once everything that is known is taken out.
         let mut noise = oracle::difference_or_missing(&told, &self.base);
