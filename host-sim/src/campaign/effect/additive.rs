@@ -8,6 +8,7 @@ use super::Make;
 use super::Rule;
 use super::any;
 use super::choose;
+use super::earth::standing_unit;
 use super::fault;
 use super::named;
 use super::parasite;
@@ -21,7 +22,7 @@ use crate::scenario::QuantityEntry;
 use schuler_recording::case::Quantity;
 
 pub(super) fn bias_constant(setting: &Setting, draw: &mut Draw) -> Option<Concealed> {
-    let (id, make) = choose(setting, draw, |id, make| match setting.kind {
+    let (id, _) = choose(setting, draw, |id, make| match setting.kind {
         // A constant error of the loop's accelerometer is a tilt at the start.
         Kind::Channel => make == Make::Tuned,
         _ => make != Make::Velocity && !setting.relative(id),
@@ -36,8 +37,7 @@ pub(super) fn bias_constant(setting: &Setting, draw: &mut Draw) -> Option<Concea
     });
     let it = match setting.kind {
         Kind::Channel => it.same_on("accelerometer", "bias_drift_linear"),
-        Kind::Bench if make == Make::Accelerometer => it.same(&["gravity_anomaly"]),
-        Kind::Bench => it.same(&["earth_rate_attitude"]),
+        Kind::Bench => standing_unit(setting, it),
         _ => it,
     };
     let per = 1.0 / setting.unit(&id).in_si();
