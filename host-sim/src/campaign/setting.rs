@@ -208,9 +208,27 @@ fn round(value: f64) -> f64 {
     (value * scale).round() / scale
 }
 
+/// The output of an instrument whose readings have this noise.
+///
+/// Readings are means over a step. The mean of what is correlated lacks a part of its variance that the figures of a case give it:
+/// half of sinh(Δα) cos(Δβ) where R(τ) = σ² exp(−α abs τ) cos βτ. The white noise of the instrument is larger by it. An instrument without
+/// any is read by the Schuler loop, which wants the mean as it is.
 fn readout(noise: &Noise, step_s: f64) -> ReadoutDesign {
+    let lacking = |process: &Process| match *process {
+        Process::Markov { sigma, tau_s } => sigma * sigma * (step_s / tau_s).sinh() / 2.0,
+        Process::ExponentialCosine { sigma, alpha, beta } => {
+            sigma * sigma * (step_s * alpha).sinh() * (step_s * beta).cos() / 2.0
+        }
+        Process::RandomWalk { rate } => rate * rate * step_s / 4.0,
+        Process::Flicker { .. } => 0.0,
+    };
+    let white = if noise.white > 0.0 {
+        (noise.white.powi(2) + noise.drift.iter().map(lacking).sum::<f64>()).sqrt()
+    } else {
+        0.0
+    };
     ReadoutDesign {
-        white: noise.white * step_s.sqrt(),
+        white: white * step_s.sqrt(),
         drift: noise.drift.clone(),
         range: f64::INFINITY,
         ..ReadoutDesign::default()
@@ -365,9 +383,13 @@ fn gyro(
 
 /// Gives a tuned gyro the rotor and the network of one for large rates.
 fn make_strapdown(entry: &mut GyroEntry) {
-    let (input_axis, spin_axis) = (entry.design.input_axis, entry.design.spin_axis);
-    let readout = entry.design.readout.clone();
-    entry.design = GyroDesign { input_axis, spin_axis, readout, ..GyroDesign::strapdown(SPIN_HZ) };
+    let d = &entry.design;
+    entry.design = GyroDesign {
+        readout: d.readout.clone(),
+        input_axis: d.input_axis,
+        spin_axis: d.spin_axis,
+        ..GyroDesign::strapdown(SPIN_HZ)
+    };
 }
 
 fn fog(id: &str, axis: Vector3<f64>, unit: Unit, design: ReadoutDesign, nominal: Nominal) -> FogEntry {
@@ -562,19 +584,19 @@ fn table(most_rows: usize, seed: u64, draw: &mut Draw) -> Setting {
     let mut steps = Vec::new();
     let mut time = 0.0;
     let unit = duration / 40.0;
+    // Always about one axis and at one frequency, slow enough for the rows to resolve it.
     let cones = draw.chance(0.3);
+    let cone_hz = draw.between(0.06, 0.15) / step_s;
     while time < duration {
         let duration_s = unit * draw.between(0.5, 1.5);
         let which = draw.between(0.0, 1.0);
         let step = if cones && which < 0.1 {
-            // Always about one axis, slow enough for the rows to resolve it.
-            let frequency_hz = draw.between(0.06, 0.15) / step_s;
             let amplitude = draw.log_between(0.15, 0.8).to_radians();
             TableStep::Cone {
                 axis: Vector3::z_axis(),
                 amplitude,
-                frequency_hz,
-                duration_s: duration_s.max(4.0 / frequency_hz),
+                frequency_hz: cone_hz,
+                duration_s: duration_s.max(4.0 / cone_hz),
             }
         } else if which < 0.15 {
             TableStep::Dwell { duration_s }
@@ -611,7 +633,7 @@ fn tuned_table(most_rows: usize, seed: u64, draw: &mut Draw) -> Setting {
     let mut steps = Vec::new();
     let mut time = 0.0;
     while time < duration {
-        let duration_s = draw.between(120.0, 360.0);
+        let duration_s = draw.between(200.0, 400.0);
         let which = draw.between(0.0, 1.0);
         let axis = if draw.chance(0.5) {
             axis(draw)
@@ -625,7 +647,7 @@ fn tuned_table(most_rows: usize, seed: u64, draw: &mut Draw) -> Setting {
             TableStep::Spin { axis, rate, duration_s, ramp_s: 0.3 * duration_s }
         } else {
             let frequency_hz = 3.0 / duration_s;
-            let amplitude = draw.between(10.0, 40.0).to_radians();
+            let amplitude = draw.between(10.0, 30.0).to_radians();
             TableStep::Swing { axis, amplitude, frequency_hz, duration_s }
         };
         time += step.duration_s();

@@ -224,8 +224,6 @@ impl Gyro {
 
         let d = &self.design;
         let drift = Complex::new(self.readout[0].drift(step_s), self.readout[1].drift(step_s));
-        // A drift is a torque on the rotor that the loop reads as this rate.
-        let drift_torque = I * d.calibration * drift;
         let stiffness = 1.0 + d.stiffness_temperature * rotor_deviation;
         let unbalance = d.axial_unbalance + d.axial_unbalance_temperature * rotor_deviation;
         let torque_of = |force: &Vector3<f64>| self.torque(force, unbalance, magnet_deviation, around);
@@ -241,7 +239,7 @@ impl Gyro {
             .zip(specific_force)
             .map(|(w, f)| {
                 let w = self.to_instrument * w;
-                let torque = torque_of(&(self.to_instrument * f)) + drift_torque;
+                let torque = torque_of(&(self.to_instrument * f));
                 (w, Excitation { rate: Complex::new(w.x, w.y), torque, pickoff })
             })
             .collect();
@@ -276,7 +274,8 @@ impl Gyro {
 
         // Current of the torquers, in rad/s of the design's gain, and what it heats.
         let held = mean_torque - self.design.network * growth / step_s;
-        let indicated = I * held / self.design.calibration + self.pickoff_noise.mean_rate(step_s);
+        // A drift is a torque on the rotor that the loop reads as this rate; its mean over the step is known.
+        let indicated = I * held / self.design.calibration + drift + self.pickoff_noise.mean_rate(step_s);
         let d = &self.design;
         let gain = d.torquer_temperature * magnet_deviation;
         let current = |axis: usize, value: f64| {

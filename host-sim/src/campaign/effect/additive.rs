@@ -10,6 +10,7 @@ use super::any;
 use super::choose;
 use super::earth::standing_unit;
 use super::fault;
+use super::input::of_one_input;
 use super::named;
 use super::parasite;
 use super::readout_of;
@@ -22,7 +23,7 @@ use crate::scenario::QuantityEntry;
 use schuler_recording::case::Quantity;
 
 pub(super) fn bias_constant(setting: &Setting, draw: &mut Draw) -> Option<Concealed> {
-    let (id, _) = choose(setting, draw, |id, make| match setting.kind {
+    let (id, make) = choose(setting, draw, |id, make| match setting.kind {
         // A constant error of the loop's accelerometer is a tilt at the start.
         Kind::Channel => make == Make::Tuned,
         _ => make != Make::Velocity && !setting.relative(id),
@@ -38,6 +39,7 @@ pub(super) fn bias_constant(setting: &Setting, draw: &mut Draw) -> Option<Concea
     let it = match setting.kind {
         Kind::Channel => it.same_on("accelerometer", "bias_drift_linear"),
         Kind::Bench => standing_unit(setting, it),
+        Kind::Table | Kind::TunedTable | Kind::Drive => of_one_input(setting, make, it),
         _ => it,
     };
     let per = 1.0 / setting.unit(&id).in_si();

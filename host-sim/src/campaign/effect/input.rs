@@ -14,6 +14,7 @@ use super::along;
 use super::any;
 use super::choose;
 use super::column;
+use super::constant;
 use super::of_each;
 use super::outputs;
 use super::parasite;
@@ -48,7 +49,8 @@ pub(super) fn scale_factor(setting: &Setting, draw: &mut Draw) -> Option<Conceal
         _ => (s.accelerometers.iter_mut().filter(|a| a.id == output))
             .for_each(|a| a.design.torquer.gain = 1.0 / (1.0 + size) - 1.0),
     });
-    Some(pair(setting, it).parameter("coefficient", "ppm", Rule::Sized(1e6)))
+    let it = pair(setting, it).parameter("coefficient", "ppm", Rule::Sized(1e6));
+    Some(if setting.kind == Kind::Radio { it } else { of_one_input(setting, make, it) })
 }
 
 /// Names of a gain and of what bends it.
@@ -69,6 +71,28 @@ fn curve_of(id: &str, effect: &'static str) -> impl Fn(&Columns) -> Vec<f64> + S
         "scale_factor_odd_quadratic" => u * u.abs(),
         _ => u * u * u,
     })
+}
+
+/// Other names for a term of one output: another curve; where its input hardly varies, a bias; where the others of its make have
+/// hardly any, the scale factor of them all.
+pub(super) fn of_one_input(setting: &Setting, make: Make, it: Concealed) -> Concealed {
+    let (id, effect) = (it.output.clone(), it.effect);
+    let others = CURVES.into_iter().filter(|other| *other != effect);
+    let it = others.fold(it, |it, other| {
+        let columns: Vec<(String, Cause)> = vec![(id.clone(), Box::new(curve_of(&id, other)))];
+        it.rival(&id, other, columns)
+    });
+    let it = if effect == "bias_constant" {
+        it
+    } else {
+        it.rival(&id, "bias_constant", vec![(id.clone(), Box::new(constant))])
+    };
+    let alike = outputs(setting).into_iter().filter(|(_, other)| *other == make);
+    let columns = alike.map(|(other, _)| -> (String, Cause) {
+        let cause = curve_of(&other, "scale_factor");
+        (other, Box::new(cause))
+    });
+    it.rival(UNIT, "scale_factor", columns.collect())
 }
 
 /// Curvature of a fibre gyro's loop or of an accelerometer's torquer.
@@ -97,11 +121,7 @@ pub(super) fn curve(setting: &Setting, draw: &mut Draw, effect: &'static str) ->
         _ => format!("({si})^-2"),
     };
     let it = it.slope(unit, curve_of(&id, effect)).tolerating(&["bias_constant", "scale_factor"]);
-    let rivals = CURVES.into_iter().filter(|rival| *rival != effect);
-    Some(rivals.fold(it, |it, rival| {
-        let columns: Vec<(String, Cause)> = vec![(id.clone(), Box::new(curve_of(&id, rival)))];
-        it.rival(&id, rival, columns)
-    }))
+    Some(of_one_input(setting, make, it))
 }
 
 pub(super) fn scale_factor_temperature(setting: &Setting, draw: &mut Draw) -> Option<Concealed> {
@@ -359,11 +379,24 @@ pub(super) fn lever_arm(setting: &Setting, draw: &mut Draw) -> Option<Concealed>
 pub(super) fn coning_sculling(setting: &Setting, _draw: &mut Draw) -> Option<Concealed> {
     let Motion::Table { steps, .. } = &setting.scenario.motion else { return None };
     // In long steps any turn that is not about one axis would show, the Earth's beside the table's.
-    let cones = steps.iter().any(|step| matches!(step, TableStep::Cone { .. }));
-    (cones && setting.scenario.step_s < 0.5).then_some(())?;
+    (setting.scenario.step_s < 0.5).then_some(())?;
+    let mut start = 0.0;
+    let mut cones = Vec::new();
+    for step in steps {
+        let end = start + step.duration_s();
+        if matches!(step, TableStep::Cone { .. }) {
+            cones.push((start, end));
+        }
+        start = end;
+    }
     let mut it = Concealed::new("coning_sculling", Input, "gyro_z", 1.0, |s, _| {
         s.rotation_vectors = s.fogs.iter().map(|fog| fog.id.clone()).collect();
     });
     it.fixed = true;
-    Some(it)
+    // Where the cones are as wide as each other, the mean is shifted or it is not.
+    let shifted = move |truth: &Columns| {
+        let inside = |t: f64| cones.iter().any(|(from, to)| t > *from && t <= *to);
+        truth.get("t").unwrap_or_default().iter().map(|t| f64::from(u8::from(inside(*t)))).collect()
+    };
+    Some(it.rival("gyro_z", "intermittent_jump", vec![("gyro_z".to_owned(), Box::new(shifted))]))
 }
