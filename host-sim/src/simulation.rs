@@ -4,7 +4,7 @@
 //! reference rate and specific force. The truth is a table of its own, in SI units, which no case points to.
 use std::path::{Path, PathBuf};
 
-use nalgebra::Vector3;
+use nalgebra::{UnitQuaternion, Vector3};
 use schuler_recording::case::{
     Attitude as NominalAttitude, Auxiliary, Case, Motion as NominalMotion, MotionKind, Nominal, Quantity,
     Sensor, SensorKind, Site as NominalSite, Source,
@@ -25,7 +25,7 @@ use crate::physics::pendulum::Accelerometer;
 use crate::physics::random::{Drift, Stream};
 use crate::physics::readout::Conversion;
 use crate::physics::schuler::{Delay, SchulerLoop};
-use crate::scenario::{Channel, ClockEntry, ErrorSource, LoopEntry, Scenario, Told};
+use crate::scenario::{Channel, ErrorSource, LoopEntry, Scenario, Told};
 
 /// Name of the case that is written.
 pub const CASE: &str = "case.toml";
@@ -154,6 +154,16 @@ impl StepMotion {
         let n = values.len().saturating_sub(1).max(1) as f64;
         values.windows(2).fold(Vector3::zeros(), |sum, w| sum + (w[0] + w[1]) / (2.0 * n))
     }
+
+    /// The same with the steady rate that would make the same turn of the body.
+    fn as_rotation_vector(&self, step_s: f64) -> Self {
+        let part_s = step_s / self.rate.len().saturating_sub(1).max(1) as f64;
+        let turn = self.rate.windows(2).fold(UnitQuaternion::identity(), |turn, w| {
+            turn * UnitQuaternion::from_scaled_axis((w[0] + w[1]) * (0.5 * part_s))
+        });
+        let rate = turn.scaled_axis() / step_s;
+        Self { rate: vec![rate; self.rate.len()], force: self.force.clone(), end: self.end }
+    }
 }
 
 /// Runs a scenario; `progress` hears the number of steps done and may stop the run.
@@ -190,6 +200,8 @@ pub fn steps(scenario: &Scenario) -> usize {
 struct Plant<'s> {
     scenario: &'s Scenario,
     trajectory: Trajectory,
+    /// The motion as its user believes it to be, where that is another.
+    believed: Option<Clock>,
     environment: Environment,
     gyros: Vec<(Gyro, Faults, Faults)>,
     fogs: Vec<(Fog, Faults)>,
@@ -202,7 +214,7 @@ struct Plant<'s> {
     before: Kinematics,
 }
 
-/// The motion as late instruments feel it.
+/// The motion as late instruments feel it, or as another history has it.
 struct Clock {
     trajectory: Trajectory,
     before: Kinematics,
@@ -213,6 +225,11 @@ struct Clock {
 }
 
 impl Clock {
+    fn new(mut trajectory: Trajectory, delay_s: f64, lag_s: f64) -> Self {
+        let before = trajectory.at(-delay_s);
+        Self { trajectory, before, lagged: None, delay_s, lag_s }
+    }
+
     /// The motion over the step that ends at `time_s`, cut into parts.
     fn step(&mut self, time_s: f64, step_s: f64, parts: usize) -> StepMotion {
         let mut motion = StepMotion { rate: vec![], force: vec![], end: self.before };
@@ -304,6 +321,8 @@ impl<'s> Plant<'s> {
         };
         let mut trajectory = Trajectory::new(scenario.motion.clone(), scenario.site);
         let before = trajectory.at(0.0);
+        let believed = (scenario.believed.as_ref())
+            .map(|it| Clock::new(Trajectory::new(it.motion.clone(), it.site), 0.0, 0.0));
         let environment = Environment::new(scenario.environment.clone());
         // Every design was tried when the scenario was read; one that fails all the same is left out.
         let gyros = scenario
@@ -371,15 +390,14 @@ impl<'s> Plant<'s> {
             .clocks
             .iter()
             .map(|entry| {
-                let mut trajectory = Trajectory::new(scenario.motion.clone(), scenario.site);
-                let before = trajectory.at(-entry.delay_s);
-                let (delay_s, lag_s) = (entry.delay_s, entry.lag_s);
-                Clock { trajectory, before, lagged: None, delay_s, lag_s }
+                let trajectory = Trajectory::new(scenario.motion.clone(), scenario.site);
+                Clock::new(trajectory, entry.delay_s, entry.lag_s)
             })
             .collect();
         Self {
             scenario,
             trajectory,
+            believed,
             environment,
             gyros,
             fogs,
@@ -399,7 +417,8 @@ impl<'s> Plant<'s> {
         self.environment.advance(step_s);
         let late: Vec<StepMotion> =
             self.clocks.iter_mut().map(|clock| clock.step(time_s, step_s, self.scenario.parts)).collect();
-        let seen = Seen { motion: &motion, late: &late, clocks: &self.scenario.clocks };
+        let turned = motion.as_rotation_vector(step_s);
+        let seen = Seen { motion: &motion, late: &late, turned: &turned, scenario: self.scenario };
         let quantities: Vec<(String, f64)> = (self.scenario.recorded.quantities.iter())
             .map(|entry| (entry.column.clone(), entry.profile.at(time_s)))
             .collect();
@@ -422,14 +441,21 @@ impl<'s> Plant<'s> {
         self.read_dopplers(time_s, &motion, &parasitic, recording, truth);
         self.read_loop(time_s, &motion, &parasitic, &outputs, recording, truth);
         self.read_surroundings(&motion, &quantities, recording);
-        let (rate, force) = (StepMotion::mean(&motion.rate), StepMotion::mean(&motion.force));
+        let told = self.believed.as_mut().map(|it| it.step(time_s, step_s, self.scenario.parts));
+        let told = told.as_ref().unwrap_or(&motion);
+        let (rate, force) = (StepMotion::mean(&told.rate), StepMotion::mean(&told.force));
+        let attitude = euler(&told.end.attitude);
+        let angles = Vector3::new(attitude.roll, attitude.pitch, attitude.heading);
         match self.scenario.told {
             Told::Recorded => {
                 recording.put3(["ref_wx", "ref_wy", "ref_wz"], &rate);
                 recording.put3(["ref_fx", "ref_fy", "ref_fz"], &force);
+                if self.scenario.recorded.attitude {
+                    recording.put3(["roll", "pitch", "yaw"], &angles);
+                }
             }
             Told::Navigation => {
-                recording.put3(["vn", "ve", "vd"], &motion.end.velocity);
+                recording.put3(["vn", "ve", "vd"], &told.end.velocity);
                 recording.put3(["roll", "pitch", "yaw"], &angles);
             }
             Told::VelocityError if self.scenario.recorded.specific_force => {
@@ -472,6 +498,7 @@ impl<'s> Plant<'s> {
             let motion = seen.by(&entry.ids.0);
             let mut around = self.environment.around(entry.position_m, &motion.end.attitude);
             around.parasitic = of(parasitic, &entry.ids.0);
+            around.pickoff_command = entry.pickoff_command.each_ref().map(|it| it.at(time_s));
             let reading = gyro.step(&motion.rate, &motion.force, &around, step_s);
             let si = entry.unit.in_si();
             let ids = [Some(&entry.ids.0), entry.ids.1.as_ref()];
@@ -658,12 +685,16 @@ impl<'s> Plant<'s> {
 struct Seen<'a> {
     motion: &'a StepMotion,
     late: &'a [StepMotion],
-    clocks: &'a [ClockEntry],
+    turned: &'a StepMotion,
+    scenario: &'a Scenario,
 }
 
 impl Seen<'_> {
     fn by(&self, id: &str) -> &StepMotion {
-        (self.clocks.iter().zip(self.late))
+        if self.scenario.rotation_vectors.iter().any(|sensor| sensor == id) {
+            return self.turned;
+        }
+        (self.scenario.clocks.iter().zip(self.late))
             .find(|(clock, _)| clock.sensors.iter().any(|sensor| sensor == id))
             .map_or(self.motion, |(_, late)| late)
     }
@@ -701,14 +732,18 @@ fn source(scenario: &Scenario, entry: &LoopEntry, source: &ErrorSource, name: &s
     }
 }
 
-/// The case that goes with the recording.
-fn case(scenario: &Scenario) -> Case {
+/// The case that goes with the recording of a scenario.
+pub fn case(scenario: &Scenario) -> Case {
+    let (site, course) = match &scenario.believed {
+        Some(it) => (it.site, &it.motion),
+        None => (scenario.site, &scenario.motion),
+    };
     let three = |names: [&str; 3]| Some(names.map(str::to_owned));
     let mut motion = NominalMotion::default();
     match scenario.told {
         Told::Static => {
             motion.kind = MotionKind::Static;
-            if let Motion::Static(attitude) = scenario.motion {
+            if let Motion::Static(attitude) = course {
                 motion.attitude_deg = Some(NominalAttitude {
                     roll: attitude.roll.to_degrees(),
                     pitch: attitude.pitch.to_degrees(),
@@ -720,6 +755,9 @@ fn case(scenario: &Scenario) -> Case {
             motion.kind = MotionKind::Recorded;
             motion.rate = three(["ref_wx", "ref_wy", "ref_wz"]);
             motion.specific_force = three(["ref_fx", "ref_fy", "ref_fz"]);
+            if scenario.recorded.attitude {
+                motion.attitude_rad = three(["roll", "pitch", "yaw"]);
+            }
         }
         Told::Navigation => {
             motion.kind = MotionKind::Recorded;
@@ -738,9 +776,9 @@ fn case(scenario: &Scenario) -> Case {
         title: scenario.title.clone(),
         recording: Source { path: RECORDING.into(), time: "t".to_owned(), step_s: Some(scenario.step_s) },
         site: Some(NominalSite {
-            latitude_deg: scenario.site.latitude.to_degrees(),
+            latitude_deg: site.latitude.to_degrees(),
             longitude_deg: None,
-            altitude_m: scenario.site.height,
+            altitude_m: site.height,
         }),
         motion,
         schuler_loop: scenario.schuler_loop.as_ref().map(|entry| entry.nominal),
@@ -880,7 +918,7 @@ fn auxiliaries(scenario: &Scenario) -> Vec<Auxiliary> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scenario::ScenarioFile;
+    use crate::scenario::{Believed, ScenarioFile};
     use schuler_recording::Recording;
 
     fn simulated(text: &str) -> Simulated {
@@ -941,6 +979,32 @@ duration_s = 5
             let mean = present.iter().sum::<f64>() / present.len() as f64;
             assert!((mean - predicted).abs() < tolerance, "{id}: {mean:e} against {predicted:e}");
         }
+    }
+
+    #[test]
+    fn what_is_believed_is_told_and_what_is_true_is_felt() {
+        let text = BENCH
+            .replace("kind = \"static\"", "kind = \"table\"")
+            .replace("[thermal]", "[case]\nattitude = true\n[thermal]");
+        let told = ScenarioFile::parse(Path::new("s.toml"), &text).unwrap().scenario;
+        let mut other = told.clone();
+        other.believed = Some(Believed { site: told.site, motion: told.motion.clone() });
+        other.site.gravity_anomaly = 1e-4;
+        if let Motion::Table { start, .. } = &mut other.motion {
+            start.heading += 0.01;
+        }
+        let (a, b) = (run(&told, |_| Ok(())).unwrap(), run(&other, |_| Ok(())).unwrap());
+        assert_eq!(a.case, b.case);
+        for column in ["ref_wx", "ref_wy", "ref_fz", "roll", "pitch", "yaw"] {
+            assert_eq!(a.recording.get(column).unwrap()[7], b.recording.get(column).unwrap()[7], "{column}");
+        }
+        let gain = |column: &str| b.recording.get(column).unwrap()[7] - a.recording.get(column).unwrap()[7];
+        // −δψ Ω cos φ along the level starboard axis of a body at heading 30°, in degrees per hour; −δg along x, in µg.
+        let (roll, pitch, heading) = (10f64.to_radians(), -5f64.to_radians(), 30f64.to_radians());
+        let east = nalgebra::Rotation3::from_euler_angles(roll, pitch, heading).inverse() * Vector3::y();
+        let earth = 15.041_067 * 55.57f64.to_radians().cos();
+        assert!((gain("gx") / (-0.01 * earth * east.x) - 1.0).abs() < 0.01, "{}", gain("gx"));
+        assert!((gain("ax") / (1e-4 * pitch.sin() / 9.80665e-6) - 1.0).abs() < 1e-3, "{}", gain("ax"));
     }
 
     #[test]

@@ -97,11 +97,28 @@ fn every_effect_can_be_concealed_in_each_of_its_settings() {
     assert!(impossible.is_empty(), "{impossible:#?}");
 }
 
+/// What has no maker stands here with the reason; a new row of the catalogue needs a maker or a line.
+#[test]
+fn every_identifier_of_the_catalogue_can_be_concealed() {
+    let without: Vec<&str> = schuler_explain::catalogue::CATALOGUE
+        .iter()
+        .map(|effect| effect.id)
+        .filter(|id| !EFFECTS.iter().any(|entry| entry.effect == *id))
+        .collect();
+    // Its lines take days to tell from a daily temperature; no setting lasts so long.
+    assert_eq!(without, ["earth_tide"]);
+    for entry in EFFECTS.iter().filter(|entry| entry.family != Family::Outside) {
+        let known = schuler_explain::catalogue::CATALOGUE.iter().any(|effect| effect.id == entry.effect);
+        assert!(known, "{}", entry.effect);
+    }
+}
+
 /// What the case predicts, made by other code, agrees with what silent instruments without effects say, far below any noise.
 #[test]
 fn nominal_models_are_true() {
+    let mut untrue = Vec::new();
     for kind in Kind::ALL {
-        for seed in 0..4 {
+        for seed in 0..8 {
             let mut draw = Draw::new(seed, "test");
             let setting = Setting::draw(kind, 5500, seed, &mut draw);
             let simulated = simulation::run(&oracle::silent(&setting.scenario), |_| Ok(())).unwrap();
@@ -134,10 +151,50 @@ fn nominal_models_are_true() {
                 let nats = half_square(&white[0]);
                 // The loop's tilt at the start is a state, not a misfit: the filter has it within its first minutes.
                 let most = if kind == Kind::Channel { 3.0 } else { 0.3 };
-                assert!(nats < most, "{kind:?} seed {seed} {:?}: {nats} nats", view.weights);
+                if nats >= most {
+                    untrue.push(format!("{kind:?} seed {seed} {:?}: {nats} nats", view.weights));
+                }
             }
         }
     }
+    assert!(untrue.is_empty(), "{untrue:#?}");
+}
+
+/// The figures of the noise are those of the readings: whitened by them, the noise is white and its variance one.
+#[test]
+fn nominal_noise_is_true() {
+    let mut untrue = Vec::new();
+    for kind in Kind::ALL.into_iter().filter(|kind| *kind != Kind::Channel) {
+        let (mut squares, mut products, mut count) = (0.0, 0.0, 0.0);
+        for seed in 0..8 {
+            let setting = Setting::draw(kind, 5500, seed, &mut Draw::new(seed, "test"));
+            let rows = simulation::steps(&setting.scenario);
+            let run = |scenario| {
+                let simulated = simulation::run(&scenario, |_| Ok(())).unwrap();
+                oracle::outputs(&setting, &simulated, rows)
+            };
+            // Rounding is told apart; where it is told, it is noise as well.
+            let told = run(setting.scenario.clone());
+            let noise = oracle::difference_or_missing(&told, &run(oracle::silent(&setting.scenario)));
+            let time: Vec<f64> = (1..=rows).map(|k| k as f64 * setting.scenario.step_s).collect();
+            for view in oracle::views(&setting, |id| setting.noise_of(id)) {
+                let series = view.of(&noise, rows);
+                let white = view.whiten(&time, &[&series]);
+                let told: Vec<f64> = white[0].iter().copied().filter(|e| e.is_finite()).collect();
+                squares += told.iter().map(|e| e * e).sum::<f64>();
+                products += told.windows(2).map(|e| e[0] * e[1]).sum::<f64>();
+                count += told.len() as f64;
+            }
+        }
+        // Four standard deviations.
+        let (variance, correlation) = (squares / count - 1.0, products / count);
+        if variance.abs() > 4.0 * (2.0 / count).sqrt() || correlation.abs() > 4.0 / count.sqrt() {
+            untrue.push(format!(
+                "{kind:?}: variance 1 + {variance}, correlation {correlation}, {count} readings"
+            ));
+        }
+    }
+    assert!(untrue.is_empty(), "{untrue:#?}");
 }
 
 const PLAN: &str = r#"

@@ -5,7 +5,7 @@ use schuler_recording::case::{ExponentialCosine, Markov};
 
 use super::answer::{Answer, Effect, FORMAT, Pair, Parameter};
 use super::draw::Draw;
-use super::effect::{Concealed, EFFECTS, Entry, Family, Rule};
+use super::effect::{Concealed, EFFECTS, Entry, Family, Rival, Rule};
 use super::likelihood::{Noise, project_out};
 use super::oracle::{self, Signals, View, half_square};
 use super::plan::Group;
@@ -52,6 +52,9 @@ const USEFUL: [f64; 2] = [2.0, 1e6];
 const LEFT_OVER_NATS: f64 = 2.0;
 /// Share of an effect's gain that may be foreign to its name.
 const MOST_FOREIGN: f64 = 0.1;
+/// Another name that explains all but so much of an effect is as good as its own, nats: the noise takes one for the other in one
+/// case of twenty-five.
+const ALIKE_NATS: f64 = 6.0;
 /// A repeated reading tells at least this much, nats.
 const REPEATED_NATS: f64 = 1.0;
 
@@ -279,7 +282,7 @@ impl<'c> Bench<'c> {
             if gain.is_finite() && best.is_none_or(|(_, before)| off < before) {
                 best = Some((size, off));
             }
-            if off < CLOSE.ln() || (concealed.effect == "output_stuck") {
+            if off < CLOSE.ln() || concealed.fixed || (concealed.effect == "output_stuck") {
                 break;
             }
             if concealed.linear && gain > 0.0 {
@@ -299,7 +302,8 @@ impl<'c> Bench<'c> {
         } else {
             self.expected(&concealed, size, &signals)
         };
-        let useful = (USEFUL[0]..USEFUL[1]).contains(&gain) || concealed.effect == "output_stuck";
+        let most = if concealed.fixed { gains } else { USEFUL };
+        let useful = (most[0]..=most[1]).contains(&gain) || concealed.effect == "output_stuck";
         let sized = Sized { concealed, size, signals, silent };
         Ok((useful && size.is_finite() && self.is_what_it_is_called(&sized, gain)).then_some(sized))
     }
@@ -330,6 +334,8 @@ impl<'c> Bench<'c> {
             (it.concealed.inject)(&mut scenario, it.size);
         }
         let mut simulated = self.run(&scenario)?;
+        // The user believes what stood before anything was concealed, the step of a converter included.
+        simulated.case = simulation::case(&self.setting.scenario);
         let told = self.outputs(&simulated);
         // What is left of the record once everything that is known is taken out.
         let mut noise = oracle::difference_or_missing(&told, &self.base);
@@ -439,6 +445,9 @@ impl<'c> Bench<'c> {
             });
         }
         tolerated.extend(c.tolerated.iter().map(|(sensor, effect)| Pair::new(sensor, effect)));
+        let mut same: Vec<Pair> = c.same.iter().map(|(sensor, effect)| Pair::new(sensor, effect)).collect();
+        let alike = c.rivals.iter().filter(|rival| self.left_by(it, views, rival) < ALIKE_NATS);
+        same.extend(alike.map(|rival| Pair::new(&rival.sensor, rival.effect)));
         if form_error_nats > LEFT_OVER_NATS {
             tolerated.push(Pair::new(&c.sensor, "*"));
         }
@@ -451,7 +460,7 @@ impl<'c> Bench<'c> {
             sensor: c.sensor.clone(),
             effect: c.effect.to_owned(),
             family: c.family,
-            same: c.same.iter().map(|(sensor, effect)| Pair::new(sensor, effect)).collect(),
+            same,
             interval_s: c.interval_s,
             parameters,
             gain_nats,
@@ -502,6 +511,23 @@ impl<'c> Bench<'c> {
             .zip(cause)
             .fold((0.0, 0.0), |(x, s), (e, c)| (x + (e - me) * (c - mc), s + (c - mc) * (c - mc)));
         if square > 0.0 { cross / square } else { 0.0 }
+    }
+
+    /// What another name for an effect leaves of it at best, nats.
+    fn left_by(&self, it: &Sized, views: &[View], rival: &Rival) -> f64 {
+        let Some(truth) = it.silent.as_ref().map(|s| &s.truth) else { return f64::INFINITY };
+        let columns: Signals = rival.columns.iter().map(|(id, cause)| (id.clone(), cause(truth))).collect();
+        let mask = oracle::mask(&self.setting.scenario.gaps, self.setting.scenario.step_s, self.rows);
+        let (mut own, mut cross, mut square) = (0.0, 0.0, 0.0);
+        for view in views {
+            let (signal, column) = (view.of(&it.signals, self.rows), view.of(&columns, self.rows));
+            let white = view.whiten(&self.time_s, &[&mask, &signal, &column]);
+            let [_, signal, column] = white.as_slice() else { continue };
+            own += sum(signal.iter().map(|s| s * s));
+            cross += sum(signal.iter().zip(column).map(|(s, c)| s * c));
+            square += sum(column.iter().map(|c| c * c));
+        }
+        0.5 * (own - if square > 0.0 { cross * cross / square } else { 0.0 })
     }
 }
 

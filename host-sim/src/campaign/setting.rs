@@ -4,6 +4,7 @@
 //! | --- | --- | --- |
 //! | bench | static | tuned and fibre-optic gyros, accelerometers in changing temperature |
 //! | table | recorded rate and force | three fibre-optic gyros and accelerometers on a rate table |
+//! | tuned_table | recorded rate and force | three tuned gyros for large rates on a rate table, slowly moved |
 //! | tumble | recorded rate and force, nothing while it turns | three tuned gyros and accelerometers in many attitudes |
 //! | drive | recorded rate and force | strapdown unit in a vehicle |
 //! | log | recorded velocity and attitude | Doppler log |
@@ -41,6 +42,8 @@ pub enum Kind {
     Bench,
     /// On a rate table.
     Table,
+    /// Tuned gyros on a rate table.
+    TunedTable,
     /// In many attitudes.
     Tumble,
     /// In a vehicle.
@@ -57,9 +60,10 @@ pub enum Kind {
 
 impl Kind {
     /// Every kind.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Bench,
         Self::Table,
+        Self::TunedTable,
         Self::Tumble,
         Self::Drive,
         Self::Log,
@@ -92,6 +96,12 @@ pub const THERMOMETER: &str = "temperature";
 pub const FAR_THERMOMETER: &str = "temperature_far";
 /// Column of the electronics' thermometer.
 pub const ELECTRONICS: &str = "temperature_electronics";
+/// Time after which a tuned gyro's loop has settled at another angle, s.
+const SETTLED_S: f64 = 2.0;
+/// Angles at which a pick-off test holds the rotor, rad.
+const PICKOFF_RAD: f64 = 1e-5;
+/// Spin speed of tuned gyros, Hz.
+const SPIN_HZ: f64 = 200.0;
 
 impl Setting {
     /// Draws a setting with at most so many rows.
@@ -99,6 +109,7 @@ impl Setting {
         match kind {
             Kind::Bench => bench(most_rows, seed, draw),
             Kind::Table => table(most_rows, seed, draw),
+            Kind::TunedTable => tuned_table(most_rows, seed, draw),
             Kind::Tumble => tumble(most_rows, seed, draw),
             Kind::Drive => drive(most_rows, seed, draw),
             Kind::Log => log(most_rows, seed, draw),
@@ -140,8 +151,9 @@ fn empty(title: &str, seed: u64, duration_s: f64, step_s: f64, draw: &mut Draw) 
         duration_s,
         step_s,
         parts: 1,
-        site: Site { latitude, height: draw.between(0.0, 600.0) },
+        site: Site { latitude, height: draw.between(0.0, 600.0), gravity_anomaly: 0.0 },
         motion: Motion::Static(Attitude::default()),
+        believed: None,
         told: Told::Static,
         environment: EnvironmentDesign::default(),
         recorded: Recorded::default(),
@@ -153,6 +165,7 @@ fn empty(title: &str, seed: u64, duration_s: f64, step_s: f64, draw: &mut Draw) 
         faults: vec![],
         parasites: vec![],
         clocks: vec![],
+        rotation_vectors: vec![],
         gaps: vec![],
     }
 }
@@ -195,9 +208,27 @@ fn round(value: f64) -> f64 {
     (value * scale).round() / scale
 }
 
+/// The output of an instrument whose readings have this noise.
+///
+/// Readings are means over a step. The mean of what is correlated lacks a part of its variance that the figures of a case give it:
+/// half of sinh(Δα) cos(Δβ) where R(τ) = σ² exp(−α abs τ) cos βτ. The white noise of the instrument is larger by it. An instrument without
+/// any is read by the Schuler loop, which wants the mean as it is.
 fn readout(noise: &Noise, step_s: f64) -> ReadoutDesign {
+    let lacking = |process: &Process| match *process {
+        Process::Markov { sigma, tau_s } => sigma * sigma * (step_s / tau_s).sinh() / 2.0,
+        Process::ExponentialCosine { sigma, alpha, beta } => {
+            sigma * sigma * (step_s * alpha).sinh() * (step_s * beta).cos() / 2.0
+        }
+        Process::RandomWalk { rate } => rate * rate * step_s / 4.0,
+        Process::Flicker { .. } => 0.0,
+    };
+    let white = if noise.white > 0.0 {
+        (noise.white.powi(2) + noise.drift.iter().map(lacking).sum::<f64>()).sqrt()
+    } else {
+        0.0
+    };
     ReadoutDesign {
-        white: noise.white * step_s.sqrt(),
+        white: white * step_s.sqrt(),
         drift: noise.drift.clone(),
         range: f64::INFINITY,
         ..ReadoutDesign::default()
@@ -337,8 +368,9 @@ fn gyro(
         ids: (id.to_owned(), None),
         group: None,
         unit,
-        design: GyroDesign::ideal(200.0),
+        design: GyroDesign::ideal(SPIN_HZ),
         position_m: 0.0,
+        pickoff_command: [Profile::constant(0.0), Profile::constant(0.0)],
         nominal,
         relative: false,
         recorded: true,
@@ -347,6 +379,17 @@ fn gyro(
     entry.design.spin_axis = z;
     entry.design.readout = [design.clone(), design];
     entry
+}
+
+/// Gives a tuned gyro the rotor and the network of one for large rates.
+fn make_strapdown(entry: &mut GyroEntry) {
+    let d = &entry.design;
+    entry.design = GyroDesign {
+        readout: d.readout.clone(),
+        input_axis: d.input_axis,
+        spin_axis: d.spin_axis,
+        ..GyroDesign::strapdown(SPIN_HZ)
+    };
 }
 
 fn fog(id: &str, axis: Vector3<f64>, unit: Unit, design: ReadoutDesign, nominal: Nominal) -> FogEntry {
@@ -402,9 +445,18 @@ fn bench(most_rows: usize, seed: u64, draw: &mut Draw) -> Setting {
     scenario.motion = Motion::Static(attitude);
     let mut all = Vec::new();
     let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
-    for (k, letter) in ["x", "y", "z"].into_iter().enumerate().take(1 + draw.index(3)) {
-        let (it, mut nominal) = noise(0.02, Unit::DegreePerHour.in_si(), duration, step_s, draw);
-        let relative = draw.chance(0.7);
+    // Three gyros and three accelerometers of one unit, each three alike; or sensors that have nothing to do with each other.
+    let unit = draw.chance(0.3);
+    let group = unit.then(|| UNIT.to_owned());
+    let (gyros, accelerometers) = if unit { (3, 3) } else { (1 + draw.index(3), draw.index(3)) };
+    let (gyro_noise, force_noise) = (
+        |draw: &mut Draw| noise(0.02, Unit::DegreePerHour.in_si(), duration, step_s, draw),
+        |draw: &mut Draw| noise(5.0, Unit::MicroG.in_si(), duration, step_s, draw),
+    );
+    let alike = unit.then(|| (gyro_noise(draw), force_noise(draw)));
+    for (k, letter) in ["x", "y", "z"].into_iter().enumerate().take(gyros) {
+        let (it, mut nominal) = alike.as_ref().map_or_else(|| gyro_noise(draw), |it| it.0.clone());
+        let relative = !unit && draw.chance(0.7);
         let offset = round(draw.between(-0.5, 0.5));
         nominal.bias = if relative { 0.0 } else { offset };
         let mut output = readout(&it, step_s);
@@ -418,17 +470,19 @@ fn bench(most_rows: usize, seed: u64, draw: &mut Draw) -> Setting {
         if draw.chance(0.5) {
             let mut entry = gyro(&id, axes[k], axes[(k + 2) % 3], Unit::DegreePerHour, output, nominal);
             entry.relative = relative;
+            entry.group.clone_from(&group);
             scenario.gyros.push(entry);
         } else {
             let mut entry = fog(&id, axes[k], Unit::DegreePerHour, output, nominal);
             entry.relative = relative;
+            entry.group.clone_from(&group);
             scenario.fogs.push(entry);
         }
         all.push((id, it));
     }
-    for (k, letter) in ["x", "y", "z"].into_iter().enumerate().take(draw.index(3)) {
-        let (it, mut nominal) = noise(5.0, Unit::MicroG.in_si(), duration, step_s, draw);
-        let relative = draw.chance(0.7);
+    for (k, letter) in ["x", "y", "z"].into_iter().enumerate().take(accelerometers) {
+        let (it, mut nominal) = alike.as_ref().map_or_else(|| force_noise(draw), |it| it.1.clone());
+        let relative = !unit && draw.chance(0.7);
         let offset = round(draw.between(-60.0, 60.0));
         nominal.bias = if relative { 0.0 } else { offset };
         let mut output = readout(&it, step_s);
@@ -436,17 +490,45 @@ fn bench(most_rows: usize, seed: u64, draw: &mut Draw) -> Setting {
         let id = format!("accelerometer_{letter}");
         let mut entry = accelerometer(&id, (axes[k], axes[(k + 1) % 3]), Unit::MicroG, output, nominal);
         entry.relative = relative;
+        entry.group.clone_from(&group);
         scenario.accelerometers.push(entry);
         all.push((id, it));
     }
     surroundings(&mut scenario, Some("gyro_x"), draw);
     gaps(&mut scenario, draw);
+    pickoff_test(&mut scenario, draw);
     // Quantised readings: the rounding's error is white where the noise is larger than the step's third, and known.
     for (id, it) in &mut all {
         let quantum = rounding(&scenario, id);
         it.white = it.white.hypot(quantum / 12f64.sqrt());
     }
     Setting { kind: Kind::Bench, scenario, noise: all, channel: None }
+}
+
+/// The first tuned gyro's loop is told to hold its rotor at one angle after the other; nothing is recorded while it moves there.
+///
+/// The rotor is one on which its gimbal's anisotropy pulls least, and the angles are so small that the Earth's rate about a spin axis
+/// that is turned by them does not show.
+fn pickoff_test(scenario: &mut Scenario, draw: &mut Draw) {
+    let (duration, step) = (scenario.duration_s, scenario.step_s);
+    let Some(gyro) = scenario.gyros.first_mut().filter(|_| draw.chance(0.5)) else { return };
+    make_strapdown(gyro);
+    let holds = 8 + draw.index(16);
+    let row = |time_s: f64| (time_s / step).round() * step;
+    let changes: Vec<f64> = (1..holds).map(|k| row(duration * f64::from(k as u32) / holds as f64)).collect();
+    gyro.pickoff_command = [(); 2].map(|()| {
+        let mut level = round(PICKOFF_RAD * draw.normal());
+        let mut points = vec![(0.0, level)];
+        for &change in &changes {
+            points.push((change, level));
+            level = round(PICKOFF_RAD * draw.normal());
+            points.push((change + 0.5 * step, level));
+        }
+        Profile { points, amplitude: 0.0, period_s: 1.0 }
+    });
+    let settled = SETTLED_S.max(2.0 * step);
+    scenario.gaps.extend(changes.iter().map(|change| (change + 0.5 * step, settled)));
+    scenario.recorded.pickoff = Some(gyro.ids.0.clone());
 }
 
 /// Step of an output, SI units; zero for none.
@@ -502,10 +584,21 @@ fn table(most_rows: usize, seed: u64, draw: &mut Draw) -> Setting {
     let mut steps = Vec::new();
     let mut time = 0.0;
     let unit = duration / 40.0;
+    // Always about one axis and at one frequency, slow enough for the rows to resolve it.
+    let cones = draw.chance(0.3);
+    let cone_hz = draw.between(0.06, 0.15) / step_s;
     while time < duration {
         let duration_s = unit * draw.between(0.5, 1.5);
         let which = draw.between(0.0, 1.0);
-        let step = if which < 0.15 {
+        let step = if cones && which < 0.1 {
+            let amplitude = draw.log_between(0.15, 0.8).to_radians();
+            TableStep::Cone {
+                axis: Vector3::z_axis(),
+                amplitude,
+                frequency_hz: cone_hz,
+                duration_s: duration_s.max(4.0 / cone_hz),
+            }
+        } else if which < 0.15 {
             TableStep::Dwell { duration_s }
         } else if which < 0.4 {
             let angle = draw.pick([45.0f64, 90.0, 90.0, 180.0]).to_radians() * draw.sign();
@@ -528,6 +621,54 @@ fn table(most_rows: usize, seed: u64, draw: &mut Draw) -> Setting {
     surroundings(&mut scenario, None, draw);
     gaps(&mut scenario, draw);
     Setting { kind: Kind::Table, scenario, noise: all, channel: None }
+}
+
+/// Three tuned gyros for large rates: rates about one axis and about two, ramps and swings slow enough for their loops.
+fn tuned_table(most_rows: usize, seed: u64, draw: &mut Draw) -> Setting {
+    let step_s = 1.0;
+    let n = rows(4000, most_rows.min(8000), draw);
+    let duration = n as f64 * step_s;
+    let mut scenario = empty("Tuned gyros on a rate table", seed, duration, step_s, draw);
+    scenario.parts = 2;
+    let mut steps = Vec::new();
+    let mut time = 0.0;
+    while time < duration {
+        let duration_s = draw.between(200.0, 400.0);
+        let which = draw.between(0.0, 1.0);
+        let axis = if draw.chance(0.5) {
+            axis(draw)
+        } else {
+            UnitVector::new_normalize(Vector3::new(draw.normal(), draw.normal(), draw.normal()))
+        };
+        let step = if which < 0.25 {
+            TableStep::Dwell { duration_s }
+        } else if which < 0.7 {
+            let rate = (draw.log_between(2.0, 20.0) * draw.sign()).to_radians();
+            TableStep::Spin { axis, rate, duration_s, ramp_s: 0.3 * duration_s }
+        } else {
+            let frequency_hz = 3.0 / duration_s;
+            let amplitude = draw.between(10.0, 30.0).to_radians();
+            TableStep::Swing { axis, amplitude, frequency_hz, duration_s }
+        };
+        time += step.duration_s();
+        steps.push(step);
+    }
+    scenario.motion = Motion::Table { start: Attitude::default(), steps };
+    scenario.told = Told::Recorded;
+    let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+    let mut all = Vec::new();
+    for (k, letter) in ["x", "y", "z"].into_iter().enumerate() {
+        let id = format!("gyro_{letter}");
+        let (it, nominal) = noise(1.0, Unit::DegreePerHour.in_si(), duration, step_s, draw);
+        let output = readout(&it, step_s);
+        let mut entry = gyro(&id, axes[k], axes[(k + 1) % 3], Unit::DegreePerHour, output, nominal);
+        make_strapdown(&mut entry);
+        scenario.gyros.push(entry);
+        all.push((id, it));
+    }
+    surroundings(&mut scenario, None, draw);
+    gaps(&mut scenario, draw);
+    Setting { kind: Kind::TunedTable, scenario, noise: all, channel: None }
 }
 
 fn tumble(most_rows: usize, seed: u64, draw: &mut Draw) -> Setting {
@@ -553,32 +694,26 @@ fn tumble(most_rows: usize, seed: u64, draw: &mut Draw) -> Setting {
     }
     scenario.motion = Motion::Table { start: Attitude::default(), steps };
     scenario.told = Told::Recorded;
+    scenario.recorded.attitude = draw.chance(0.5);
+    let group = draw.chance(0.5).then(|| UNIT.to_owned());
     let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
     let mut all = Vec::new();
     for (k, letter) in ["x", "y", "z"].into_iter().enumerate() {
         let id = format!("gyro_{letter}");
         let (it, nominal) = noise(0.02, Unit::DegreePerHour.in_si(), duration, step_s, draw);
-        scenario.gyros.push(gyro(
-            &id,
-            axes[k],
-            axes[(k + 1) % 3],
-            Unit::DegreePerHour,
-            readout(&it, step_s),
-            nominal,
-        ));
+        let output = readout(&it, step_s);
+        let mut entry = gyro(&id, axes[k], axes[(k + 1) % 3], Unit::DegreePerHour, output, nominal);
+        entry.group.clone_from(&group);
+        scenario.gyros.push(entry);
         all.push((id, it));
     }
     for (k, letter) in ["x", "y", "z"].into_iter().enumerate().take(draw.index(4)) {
         let id = format!("accelerometer_{letter}");
         let (it, nominal) = noise(8.0, Unit::MicroG.in_si(), duration, step_s, draw);
         let directions = (axes[k], axes[(k + 1) % 3]);
-        scenario.accelerometers.push(accelerometer(
-            &id,
-            directions,
-            Unit::MicroG,
-            readout(&it, step_s),
-            nominal,
-        ));
+        let mut entry = accelerometer(&id, directions, Unit::MicroG, readout(&it, step_s), nominal);
+        entry.group.clone_from(&group);
+        scenario.accelerometers.push(entry);
         all.push((id, it));
     }
     scenario.environment.magnetic_field = Vector3::new(1.7e-5, 1e-6, 4.8e-5);

@@ -108,7 +108,7 @@ mod tests {
             level_platform: false,
             steps,
         };
-        Trajectory::new(Motion::Vehicle(vehicle), Site { latitude: 0.5, height: 0.0 })
+        Trajectory::new(Motion::Vehicle(vehicle), Site { latitude: 0.5, height: 0.0, gravity_anomaly: 0.0 })
     }
 
     #[test]

@@ -165,6 +165,7 @@ impl Environment {
             vibration: self.design.vibration_direction.normalize() * amplitude,
             vibration_hz: self.design.vibration_hz,
             parasitic: 0.0,
+            pickoff_command: [0.0; 2],
         }
     }
 }

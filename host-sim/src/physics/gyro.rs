@@ -4,7 +4,9 @@
 //! off the suspension, suspension that gives way under load, flexures that twist under load, a permanent reaction torque of
 //! pick-off and torquer, a magnetic moment. Temperature works through parts too: the flexures' modulus (and with it the
 //! tuning), the place of the centre of mass, the magnet's flux, the pick-offs' null, which a temperature difference across the
-//! housing bends. The rotor follows the housing's temperature with a lag, the magnet is heated by the torquer's current.
+//! housing bends. The rotor follows the housing's temperature with a lag, the magnet is heated by the torquers' current, and so
+//! much warmer than the housing it pulls at the rotor by its stray field. A network in the electronics takes out what the rotor
+//! answers to angular acceleration.
 //! SI units; see [`super::rotor`] for the equations of motion.
 use nalgebra::{Complex, UnitQuaternion, Vector3};
 
@@ -25,6 +27,9 @@ pub struct GyroDesign {
     /// What the loop's torque is divided by: i × torque for a rate of one about x, N m s. Its phase is the angle by which
     /// rotor and gimbal turn the axes.
     pub calibration: Complex<f64>,
+    /// Network of the electronics: they take this times the indicated rates' rate of change out of the indicated rates, the real
+    /// part along the axes, the imaginary part across them, s.
+    pub network: Complex<f64>,
     /// What turns with the spin.
     pub harmonics: Harmonics,
     /// Relative change of the flexures' stiffness, 1/K.
@@ -45,6 +50,8 @@ pub struct GyroDesign {
     pub reaction_torque: [f64; 2],
     /// Its change with the magnet's temperature, N m/K.
     pub reaction_torque_temperature: [f64; 2],
+    /// Its change with the magnet's temperature above the housing's, N m/K.
+    pub reaction_torque_rise: [f64; 2],
     /// Magnetic moment along the spin axis, A m².
     pub magnetic_moment: f64,
     /// Null of the pick-offs, x and y, rad.
@@ -94,6 +101,7 @@ pub struct Gyro {
     readout: [Readout; 2],
     pickoff_noise: PickoffNoise,
     before: Option<Excitation>,
+    network: Network,
 }
 
 #[derive(Clone, Debug)]
@@ -124,6 +132,23 @@ impl PickoffNoise {
         let rate = (now - self.before) / step_s;
         self.before = now;
         rate
+    }
+}
+
+/// The electronics' network: it tells the slope of the torque from straight lines through the means over successive parts of a step.
+#[derive(Clone, Copy, Debug, Default)]
+struct Network {
+    /// Mean torque over the last part, and at its end.
+    last: Option<(Complex<f64>, Complex<f64>)>,
+}
+
+impl Network {
+    /// Takes the mean over the next part and returns by how much the torque grew over it.
+    fn growth(&mut self, mean: Complex<f64>) -> Complex<f64> {
+        let (before, start) = self.last.unwrap_or((mean, mean));
+        let end = mean + (mean - before) * 0.5;
+        self.last = Some((mean, end));
+        end - start
     }
 }
 
@@ -171,6 +196,7 @@ impl Gyro {
             magnet_rise: Lag::new(0.0),
             power_before: 0.0,
             before: None,
+            network: Network::default(),
         })
     }
 
@@ -198,29 +224,28 @@ impl Gyro {
 
         let d = &self.design;
         let drift = Complex::new(self.readout[0].drift(step_s), self.readout[1].drift(step_s));
-        // A drift is a torque on the rotor that the loop reads as this rate.
-        let drift_torque = I * d.calibration * drift;
         let stiffness = 1.0 + d.stiffness_temperature * rotor_deviation;
         let unbalance = d.axial_unbalance + d.axial_unbalance_temperature * rotor_deviation;
         let torque_of = |force: &Vector3<f64>| self.torque(force, unbalance, magnet_deviation, around);
         let pair = |v: [f64; 2]| Complex::new(v[0], v[1]);
-        let pickoff = pair(d.pickoff_offset)
+        // Where the pick-offs say zero, and where the loop is told to hold them.
+        let null = pair(d.pickoff_offset)
             + pair(d.pickoff_offset_temperature) * (housing - REFERENCE_TEMPERATURE)
             + pair(d.pickoff_offset_gradient) * around.gradient;
+        let pickoff = null - pair(around.pickoff_command);
 
         let instrument: Vec<(Vector3<f64>, Excitation)> = rate
             .iter()
             .zip(specific_force)
             .map(|(w, f)| {
                 let w = self.to_instrument * w;
-                let torque = torque_of(&(self.to_instrument * f)) + drift_torque;
+                let torque = torque_of(&(self.to_instrument * f));
                 (w, Excitation { rate: Complex::new(w.x, w.y), torque, pickoff })
             })
             .collect();
 
         self.motion.set_rotor(Rotor { stiffness: d.rotor.stiffness.map(|k| k * stiffness), ..d.rotor });
-        let mut mean_torque = Complex::from(0.0);
-        let mut mean_rate = Vector3::zeros();
+        let (mut mean_torque, mut growth) = (Complex::from(0.0), Complex::from(0.0));
         let harmonics = d.harmonics;
         let full_rate = d.full_rate;
         for ends in instrument.windows(2) {
@@ -240,7 +265,7 @@ impl Gyro {
             };
             self.before = Some(*end);
             mean_torque += torque / parts as f64;
-            mean_rate += (w0 + w1) / (2.0 * parts as f64);
+            growth += self.network.growth(torque);
         }
         let nominal_rate = rate
             .windows(2)
@@ -248,7 +273,9 @@ impl Gyro {
             .fold(Vector3::zeros(), |a, b| a + b);
 
         // Current of the torquers, in rad/s of the design's gain, and what it heats.
-        let indicated = I * mean_torque / self.design.calibration + self.pickoff_noise.mean_rate(step_s);
+        let held = mean_torque - self.design.network * growth / step_s;
+        // A drift is a torque on the rotor that the loop reads as this rate; its mean over the step is known.
+        let indicated = I * held / self.design.calibration + drift + self.pickoff_noise.mean_rate(step_s);
         let d = &self.design;
         let gain = d.torquer_temperature * magnet_deviation;
         let current = |axis: usize, value: f64| {
@@ -262,7 +289,7 @@ impl Gyro {
         let reading = [0, 1].map(|axis| self.readout[axis].read(currents[axis], around, step_s));
         let x = self.design.input_axis.normalize();
         let y = self.design.spin_axis.normalize().cross(&x);
-        let told = self.motion.pickoff() + pickoff;
+        let told = self.motion.pickoff() + null;
         GyroReading {
             rate: reading,
             true_rate: [nominal_rate.dot(&x), nominal_rate.dot(&y)],
@@ -296,6 +323,7 @@ impl Gyro {
                 + d.axial_reaction[k] * m * force.z
                 + d.reaction_torque[k]
                 + d.reaction_torque_temperature[k] * magnet_deviation
+                + d.reaction_torque_rise[k] * self.magnet_rise.value()
         };
         Complex::new(axis(0), axis(1))
     }
@@ -362,6 +390,7 @@ impl GyroDesign {
             rotor,
             rebalance,
             calibration: Complex::from(rebalance.design_momentum),
+            network: Complex::from(0.0),
             harmonics: Harmonics::default(),
             stiffness_temperature: 0.0,
             mass: 0.06,
@@ -372,6 +401,7 @@ impl GyroDesign {
             axial_reaction: [0.0; 2],
             reaction_torque: [0.0; 2],
             reaction_torque_temperature: [0.0; 2],
+            reaction_torque_rise: [0.0; 2],
             magnetic_moment: 0.0,
             pickoff_offset: [0.0; 2],
             pickoff_offset_temperature: [0.0; 2],
@@ -399,6 +429,46 @@ impl GyroDesign {
         let response = Response::new(&self.rotor, &self.rebalance, 0.0, &Harmonics::default(), 1.0);
         let rate = Excitation { rate: Complex::from(1.0), ..Excitation::default() };
         self.calibration = I * response.constant_torque(&rate);
+    }
+
+    /// A gyro for large rates, without any error: the equatorial inertia of its rotor is such that a rate about the spin axis adds
+    /// nothing to what a rate about an input axis needs, and its network takes out what the rotor answers to angular
+    /// acceleration.
+    pub fn strapdown(spin_hz: f64) -> Self {
+        let mut design = Self::ideal(spin_hz);
+        let polar = design.rotor.rotor_polar;
+        // Torque that a rate about the spin axis adds, per rate about an input axis.
+        let added = |equatorial: f64| {
+            let rotor = design.rebalance.tune(&Rotor { rotor_equatorial: equatorial, ..design.rotor });
+            let rate = Excitation { rate: Complex::from(1.0), ..Excitation::default() };
+            let torque = |spin_axis_rate: f64| {
+                Response::new(&rotor, &design.rebalance, spin_axis_rate, &Harmonics::default(), 1.0)
+                    .constant_torque(&rate)
+            };
+            (torque(0.1) - torque(-0.1)).im
+        };
+        // Secant; it is very nearly linear in the inertia.
+        let (mut a, mut b) = (0.95 * polar, polar);
+        let (mut at_a, mut at_b) = (added(a), added(b));
+        for _ in 0..8 {
+            if at_b == at_a {
+                break;
+            }
+            let next = b - at_b * (b - a) / (at_b - at_a);
+            (a, at_a) = (b, at_b);
+            (b, at_b) = (next, added(next));
+        }
+        design.rotor.rotor_equatorial = b;
+        design.trim();
+        design
+    }
+
+    /// Tunes, calibrates, and sets the network, all as on a rate table.
+    pub fn trim(&mut self) {
+        self.rotor = self.rebalance.tune(&self.rotor);
+        self.calibrate();
+        let response = Response::new(&self.rotor, &self.rebalance, 0.0, &Harmonics::default(), 1.0);
+        self.network = I * response.torque_of_acceleration() / self.calibration;
     }
 }
 
@@ -505,9 +575,86 @@ mod tests {
     }
 
     #[test]
+    fn a_warm_magnet_pulls_at_the_rotor() {
+        let mut design = GyroDesign::ideal(100.0);
+        design.torquer_power = 2.0;
+        design.magnet_resistance = 5.0;
+        design.magnet_lag_s = 100.0;
+        design.reaction_torque_rise = [0.0, 1e-9];
+        let h = design.calibration.norm();
+        let mut gyro = Gyro::new(design, 1, "gyro").unwrap();
+        let (f, around) = ([Vector3::zeros(); 2], Surroundings::default());
+        let mut tell = |rate: f64, n: usize| {
+            let w = [Vector3::new(0.0, rate, 0.0); 2];
+            (0..n).map(|_| gyro.step(&w, &f, &around, 1.0).rate[0]).last().unwrap()
+        };
+        // Power in the other coil: 2.5 K after long, and e⁻¹ of it left a time constant after the table has stopped.
+        let hot = tell(0.5, 2000);
+        let cooling = tell(0.0, 101);
+        assert!((hot / (1e-9 * 2.5 / h) - 1.0).abs() < 1e-3, "{hot}");
+        assert!((cooling / hot - (-1.0f64).exp()).abs() < 0.005, "{cooling} {hot}");
+    }
+
+    #[test]
+    fn a_gyro_for_large_rates_tells_them_while_they_change_and_while_it_turns_about_its_spin_axis() {
+        let design = GyroDesign::strapdown(200.0);
+        let rotor = &design.rotor;
+        assert!((rotor.rotor_equatorial / rotor.rotor_polar - 1.0).abs() < 0.05, "{rotor:?}");
+        let worst = |design: &GyroDesign| {
+            let mut gyro = Gyro::new(design.clone(), 1, "gyro").unwrap();
+            let w = std::f64::consts::TAU * 0.01;
+            let at =
+                |t: f64| Vector3::new(0.03 * (w * t).sin(), 0.04 * (w * t).cos(), 0.3 * (0.7 * w * t).sin());
+            let mut worst = 0.0f64;
+            for k in 0..200 {
+                let t = f64::from(k);
+                let rate = [at(t), at(t + 0.5), at(t + 1.0)];
+                let said = gyro.step(&rate, &[Vector3::zeros(); 3], &Surroundings::default(), 1.0);
+                for axis in 0..2 {
+                    worst = worst.max((said.rate[axis] - said.true_rate[axis]).abs() / DEG_PER_HOUR);
+                }
+            }
+            worst
+        };
+        // What is left: the loop's answer to the rate's second derivative, and the rate about a spin axis that leans while the
+        // loop catches up, both over bandwidth × integral rate.
+        let ideal = worst(&design);
+        let left = (0.3 * 0.04 * std::f64::consts::TAU * 0.01
+            + 0.04 * (std::f64::consts::TAU * 0.01).powi(2))
+            / (design.rebalance.bandwidth * design.rebalance.integral);
+        assert!(ideal < left / DEG_PER_HOUR, "{ideal} deg/h");
+        // Without its network, and with the rotor of a slower gyro, it does not.
+        let bare = worst(&GyroDesign { network: Complex::from(0.0), ..design.clone() });
+        // A/H of the rotor times the largest angular acceleration.
+        let answer = 0.04 * std::f64::consts::TAU * 0.01 / rotor.spin / DEG_PER_HOUR;
+        assert!((bare / answer - 1.0).abs() < 0.25, "{bare} {answer}");
+        assert!(worst(&GyroDesign::ideal(200.0)) > 5.0 * ideal);
+    }
+
+    #[test]
+    fn a_rotor_is_held_where_it_is_told_to_be_and_costs_nothing_while_it_is_tuned() {
+        let tell = |detuning: f64| {
+            let mut design = GyroDesign::ideal(100.0);
+            let spring = design.rotor.stiffness[0] * detuning / design.calibration.norm();
+            design.rotor.stiffness = design.rotor.stiffness.map(|k| k * (1.0 + detuning));
+            let mut gyro = Gyro::new(design, 1, "gyro").unwrap();
+            let around = Surroundings { pickoff_command: [3e-4, 1e-4], ..Surroundings::default() };
+            let zero = [Vector3::zeros(); 2];
+            let said = (0..3).map(|_| gyro.step(&zero, &zero, &around, 1.0)).last().unwrap();
+            assert!((said.pickoff[0] - 3e-4).abs() < 1e-8 && (said.pickoff[1] - 1e-4).abs() < 1e-8);
+            (said.rate[0], spring * 1e-4)
+        };
+        assert!(tell(0.0).0.abs() < 1e-4 * DEG_PER_HOUR, "{:?}", tell(0.0));
+        // The loop holds the rotor against the spring: K θy/H about x.
+        let (said, expected) = tell(1e-3);
+        assert!((said.abs() / expected - 1.0).abs() < 0.05, "{said} {expected}");
+    }
+
+    #[test]
     fn the_fast_gyro_agrees_with_the_full_rate_one() {
         let mut design = GyroDesign::ideal(100.0);
         design.axial_unbalance = 4e-8;
+        design.network = Complex::new(1e-5, 4e-4);
         design.pickoff_offset = [1e-5, -2e-5];
         design.rotor.flexure_damping = [2e-7; 2];
         design.misalignment = Vector3::new(1e-4, -2e-4, 3e-4);

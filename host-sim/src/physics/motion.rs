@@ -16,6 +16,15 @@ pub struct Site {
     pub latitude: f64,
     /// Height above the ellipsoid, m.
     pub height: f64,
+    /// By how much gravity is more than normal gravity there, m/s².
+    pub gravity_anomaly: f64,
+}
+
+impl Site {
+    /// Gravity at a latitude and height near the site, m/s².
+    fn gravity(&self, latitude: f64, height: f64) -> f64 {
+        earth::gravity(latitude, height) + self.gravity_anomaly
+    }
 }
 
 /// Roll, pitch and heading, rad.
@@ -96,6 +105,17 @@ pub enum TableStep {
         /// Time in all, s.
         duration_s: f64,
     },
+    /// Move a body axis round a cone: swings about the two axes across it, a quarter of a cycle apart.
+    Cone {
+        /// Body axis.
+        axis: Unit<Vector3<f64>>,
+        /// Half-angle of the cone, rad.
+        amplitude: f64,
+        /// Frequency, Hz.
+        frequency_hz: f64,
+        /// Time in all, s.
+        duration_s: f64,
+    },
 }
 
 impl TableStep {
@@ -105,23 +125,41 @@ impl TableStep {
             TableStep::Dwell { duration_s }
             | TableStep::Turn { duration_s, .. }
             | TableStep::Spin { duration_s, .. }
-            | TableStep::Swing { duration_s, .. } => duration_s,
+            | TableStep::Swing { duration_s, .. }
+            | TableStep::Cone { duration_s, .. } => duration_s,
         }
     }
 
     fn axis(&self) -> Unit<Vector3<f64>> {
         match *self {
             TableStep::Dwell { .. } => Vector3::x_axis(),
-            TableStep::Turn { axis, .. } | TableStep::Spin { axis, .. } | TableStep::Swing { axis, .. } => {
-                axis
-            }
+            TableStep::Turn { axis, .. }
+            | TableStep::Spin { axis, .. }
+            | TableStep::Swing { axis, .. }
+            | TableStep::Cone { axis, .. } => axis,
         }
     }
 
-    /// Angle and rate at a time within the piece.
+    /// Turn since the piece's start and the body's rate at a time within the piece.
+    fn turn(&self, t: f64) -> (UnitQuaternion<f64>, Vector3<f64>) {
+        let TableStep::Cone { axis, amplitude, frequency_hz, duration_s } = *self else {
+            let (angle, rate) = self.angle_and_rate(t);
+            return (UnitQuaternion::from_axis_angle(&self.axis(), angle), self.axis().into_inner() * rate);
+        };
+        let least = axis.iamin();
+        let first = Unit::new_normalize(axis.cross(&Vector3::ith(least, 1.0)));
+        let second = Unit::new_unchecked(axis.cross(&first));
+        let (outer, outer_rate) = swing(amplitude, frequency_hz, duration_s, t, 0.0);
+        let (inner, inner_rate) = swing(amplitude, frequency_hz, duration_s, t, 0.25);
+        let inner = UnitQuaternion::from_axis_angle(&second, inner);
+        let rate = inner.inverse() * (first.into_inner() * outer_rate) + second.into_inner() * inner_rate;
+        (UnitQuaternion::from_axis_angle(&first, outer) * inner, rate)
+    }
+
+    /// Angle about the piece's axis and its rate at a time within the piece.
     fn angle_and_rate(&self, t: f64) -> (f64, f64) {
         match *self {
-            TableStep::Dwell { .. } => (0.0, 0.0),
+            TableStep::Dwell { .. } | TableStep::Cone { .. } => (0.0, 0.0),
             TableStep::Turn { angle, duration_s, .. } => {
                 let ease = Ease::at(t / duration_s);
                 (angle * ease.value, angle * ease.slope / duration_s)
@@ -142,22 +180,27 @@ impl TableStep {
                 }
             }
             TableStep::Swing { amplitude, frequency_hz, duration_s, .. } => {
-                let w = std::f64::consts::TAU * frequency_hz;
-                let cycle = 1.0 / frequency_hz;
-                let (envelope, slope) = if t < cycle {
-                    let e = Ease::at(t / cycle);
-                    (e.value, e.slope / cycle)
-                } else if t > duration_s - cycle {
-                    let e = Ease::at((duration_s - t) / cycle);
-                    (e.value, -e.slope / cycle)
-                } else {
-                    (1.0, 0.0)
-                };
-                let (s, c) = (w * t).sin_cos();
-                (amplitude * envelope * s, amplitude * (slope * s + envelope * w * c))
+                swing(amplitude, frequency_hz, duration_s, t, 0.0)
             }
         }
     }
+}
+
+/// Angle and rate of a swing that is faded in and out over one cycle; `phase` in cycles.
+fn swing(amplitude: f64, frequency_hz: f64, duration_s: f64, t: f64, phase: f64) -> (f64, f64) {
+    let w = std::f64::consts::TAU * frequency_hz;
+    let cycle = 1.0 / frequency_hz;
+    let (envelope, slope) = if t < cycle {
+        let e = Ease::at(t / cycle);
+        (e.value, e.slope / cycle)
+    } else if t > duration_s - cycle {
+        let e = Ease::at((duration_s - t) / cycle);
+        (e.value, -e.slope / cycle)
+    } else {
+        (1.0, 0.0)
+    };
+    let (s, c) = (w * t + std::f64::consts::TAU * phase).sin_cos();
+    (amplitude * envelope * s, amplitude * (slope * s + envelope * w * c))
 }
 
 /// One piece of a vehicle's run: speed, heading and vertical speed change smoothly over its duration.
@@ -279,7 +322,7 @@ impl Trajectory {
     }
 
     fn standing(&self, attitude: UnitQuaternion<f64>, body_rate: Vector3<f64>) -> Kinematics {
-        let gravity = Vector3::new(0.0, 0.0, earth::gravity(self.site.latitude, self.site.height));
+        let gravity = Vector3::new(0.0, 0.0, self.site.gravity(self.site.latitude, self.site.height));
         Kinematics {
             rate: attitude.inverse() * earth::earth_rate_ned(self.site.latitude) + body_rate,
             specific_force: attitude.inverse() * -gravity,
@@ -299,17 +342,15 @@ impl Trajectory {
         while let Some(step) = steps.get(self.piece)
             && time_s >= self.piece_start_s + step.duration_s()
         {
-            let (angle, _) = step.angle_and_rate(step.duration_s());
-            self.attitude *= UnitQuaternion::from_axis_angle(&step.axis(), angle);
+            self.attitude *= step.turn(step.duration_s()).0;
             self.piece_start_s += step.duration_s();
             self.piece += 1;
         }
         match steps.get(self.piece) {
             None => self.standing(self.attitude, Vector3::zeros()),
             Some(step) => {
-                let (angle, rate) = step.angle_and_rate(time_s - self.piece_start_s);
-                let turned = UnitQuaternion::from_axis_angle(&step.axis(), angle);
-                self.standing(self.attitude * turned, step.axis().into_inner() * rate)
+                let (turned, rate) = step.turn(time_s - self.piece_start_s);
+                self.standing(self.attitude * turned, rate)
             }
         }
     }
@@ -379,7 +420,7 @@ impl Trajectory {
         let (attitude, body_rate) = self.vehicle_attitude(after_time, &speed, &heading);
         let earth_rate = earth::earth_rate_ned(self.latitude);
         let transport = earth::transport_rate_ned(self.latitude, height.value, &velocity);
-        let gravity = Vector3::new(0.0, 0.0, earth::gravity(self.latitude, height.value));
+        let gravity = Vector3::new(0.0, 0.0, self.site.gravity(self.latitude, height.value));
         let into_body = attitude.inverse();
         Kinematics {
             rate: into_body * (earth_rate + transport) + body_rate,
@@ -475,7 +516,18 @@ pub fn euler(attitude: &UnitQuaternion<f64>) -> Attitude {
 mod tests {
     use super::*;
 
-    const SITE: Site = Site { latitude: 0.97, height: 150.0 };
+    #[test]
+    fn an_anomaly_of_gravity_is_felt_and_nothing_else_is() {
+        let at = |site| {
+            Trajectory::new(Motion::Static(Attitude { pitch: 0.3, ..Attitude::default() }), site).at(0.0)
+        };
+        let (normal, other) = (at(SITE), at(Site { gravity_anomaly: 1e-3, ..SITE }));
+        let felt = other.attitude * (other.specific_force - normal.specific_force);
+        assert!((felt - Vector3::new(0.0, 0.0, -1e-3)).norm() < 1e-14);
+        assert_eq!(other.rate, normal.rate);
+    }
+
+    const SITE: Site = Site { latitude: 0.97, height: 150.0, gravity_anomaly: 0.0 };
 
     #[test]
     fn a_static_body_feels_gravity_and_the_earth() {
@@ -551,6 +603,7 @@ mod tests {
             TableStep::Dwell { duration_s: 5.0 },
             TableStep::Turn { axis: axis(1.0, 0.0, 0.0), angle: 1.2, duration_s: 6.0 },
             TableStep::Spin { axis: axis(0.0, 1.0, 1.0), rate: -0.7, duration_s: 20.0, ramp_s: 3.0 },
+            TableStep::Cone { axis: axis(1.0, 0.0, 1.0), amplitude: 0.1, frequency_hz: 0.5, duration_s: 8.0 },
             TableStep::Swing {
                 axis: axis(0.0, 0.0, 1.0),
                 amplitude: 0.1,
@@ -559,7 +612,7 @@ mod tests {
             },
         ];
         let start = Attitude { roll: 0.1, pitch: 0.2, heading: 0.3 };
-        check_consistency(Motion::Table { start, steps }, 50.0, 25_000);
+        check_consistency(Motion::Table { start, steps }, 58.0, 29_000);
     }
 
     #[test]

@@ -21,6 +21,8 @@ pub struct Surroundings {
     pub vibration_hz: f64,
     /// What else finds its way into the output, in the output's unit; see [`super::parasite`].
     pub parasitic: f64,
+    /// Pick-off angles at which a tuned gyro's loop is told to hold its rotor, x and y, rad.
+    pub pickoff_command: [f64; 2],
 }
 
 /// Temperature at which every parameter holds, °C.
@@ -39,6 +41,7 @@ impl Default for Surroundings {
             vibration: nalgebra::Vector3::zeros(),
             vibration_hz: 0.0,
             parasitic: 0.0,
+            pickoff_command: [0.0; 2],
         }
     }
 }
@@ -128,8 +131,8 @@ impl Readout {
     }
 }
 
-/// A part whose gain depends a little on the sign and size of what passes: output = input (1 ± asymmetry + cubic · input²) +
-/// quadratic · input².
+/// A part whose gain depends a little on the sign and size of what passes: output = input (1 ± asymmetry + odd_quadratic · abs(input)
+/// + cubic · input²) + quadratic · input².
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Nonlinearity {
     /// Gain minus one.
@@ -138,6 +141,8 @@ pub struct Nonlinearity {
     pub asymmetry: f64,
     /// Quadratic coefficient, per unit of input.
     pub quadratic: f64,
+    /// Change of the gain with the input's magnitude, as of a magnet that its coil's field weakens, per unit of input.
+    pub odd_quadratic: f64,
     /// Cubic coefficient, per unit of input squared.
     pub cubic: f64,
 }
@@ -145,8 +150,9 @@ pub struct Nonlinearity {
 impl Nonlinearity {
     /// What passes through.
     pub fn apply(&self, input: f64) -> f64 {
-        input * (1.0 + self.gain + self.asymmetry * input.signum() + self.cubic * input * input)
-            + self.quadratic * input * input
+        let gain =
+            self.asymmetry * input.signum() + self.odd_quadratic * input.abs() + self.cubic * input * input;
+        input * (1.0 + self.gain + gain) + self.quadratic * input * input
     }
 
     /// The input that gives this output: Newton from the linear answer; the coefficients are small.
@@ -156,6 +162,7 @@ impl Nonlinearity {
             let slope = 1.0
                 + self.gain
                 + self.asymmetry * input.signum()
+                + 2.0 * self.odd_quadratic * input.abs()
                 + 3.0 * self.cubic * input * input
                 + 2.0 * self.quadratic * input;
             input -= (self.apply(input) - output) / slope;
@@ -193,7 +200,8 @@ mod tests {
 
     #[test]
     fn nonlinearity_inverts() {
-        let part = Nonlinearity { gain: 1e-3, asymmetry: 2e-4, quadratic: 1e-4, cubic: -3e-5 };
+        let part =
+            Nonlinearity { gain: 1e-3, asymmetry: 2e-4, quadratic: 1e-4, odd_quadratic: 2e-5, cubic: -3e-5 };
         for x in [-3.0, -1e-6, 0.0, 0.2, 2.5] {
             assert!((part.invert(part.apply(x)) - x).abs() < 1e-14, "{x}");
         }

@@ -310,6 +310,13 @@ impl Response {
         torque_parts(&self.amplitude(excitation, &Excitation::default())).0
     }
 
+    /// Torque of the loop, constant in the case, that answers a case whose transverse rate grows by one rad/s each second,
+    /// beyond what answers the rate itself, N m.
+    pub fn torque_of_acceleration(&self) -> Complex<f64> {
+        let growing = Excitation { rate: Complex::from(1.0), ..Excitation::default() };
+        torque_parts(&self.amplitude(&Excitation::default(), &growing)).0
+    }
+
     /// Amplitude at N in shaft axes at an instant, for an excitation and its slope.
     fn amplitude(&self, now: &Excitation, slope: &Excitation) -> ComplexState {
         let part = |gain: &Gain, value: Complex<f64>, slope: Complex<f64>| {

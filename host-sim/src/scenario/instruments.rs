@@ -7,6 +7,7 @@ use schuler_recording::unit::{Dimension, Unit};
 use super::fields::Fields;
 use super::{AccelerometerEntry, DopplerEntry, GyroEntry};
 use crate::physics::doppler::DopplerDesign;
+use crate::physics::environment::Profile;
 use crate::physics::gyro::GyroDesign;
 use crate::physics::pendulum::AccelerometerDesign;
 use crate::physics::random::Process;
@@ -78,6 +79,8 @@ fn gyro_of(node: &Node<'_>) -> Option<GyroEntry> {
         r.pickoff = hertz("filter_hz", r.pickoff);
         r.torquer = hertz("torquer_hz", r.torquer);
         r.phase = f.number("phase_deg", 0.0).to_radians();
+        let [along, across] = f.pair("network_s");
+        design.network = Complex::new(along, across);
     });
     if let Err(unstable) = ClosedLoop::new(design.rotor, design.rebalance) {
         return node.problem_at("loop", &unstable.to_string());
@@ -90,7 +93,9 @@ fn gyro_of(node: &Node<'_>) -> Option<GyroEntry> {
     design.rotor.stiffness = design.rotor.stiffness.map(|k| k * (1.0 + detuning).powi(2));
 
     fields.section("torque", |f| torques(f, &mut design));
+    let mut pickoff_command = [Profile::constant(0.0), Profile::constant(0.0)];
     fields.section("pickoff", |f| {
+        pickoff_command = [f.profile("command_x_rad", 0.0), f.profile("command_y_rad", 0.0)];
         design.pickoff_offset = f.pair("offset_rad");
         design.pickoff_offset_temperature = f.pair("offset_rad_per_K");
         design.pickoff_offset_gradient = f.pair("offset_rad_per_K_per_m");
@@ -109,6 +114,7 @@ fn gyro_of(node: &Node<'_>) -> Option<GyroEntry> {
             gain: 0.0,
             asymmetry: f.number("asymmetry_ppm", 0.0) * 1e-6,
             quadratic: f.number("quadratic_per_rad_s", 0.0),
+            odd_quadratic: f.number("odd_quadratic_per_rad_s", 0.0),
             cubic: f.number("cubic_per_rad2_s2", 0.0),
         };
         // The scale factor of the reading is the inverse of the torquer's gain.
@@ -127,6 +133,7 @@ fn gyro_of(node: &Node<'_>) -> Option<GyroEntry> {
         unit,
         design,
         position_m: fields.not_negative("position_m", 0.0),
+        pickoff_command,
         nominal: fields.section("nominal", nominal).unwrap_or_default(),
         relative: fields.flag("relative"),
         recorded: fields.flag_or("recorded", true),
@@ -166,6 +173,7 @@ fn torques(f: Fields<'_, '_>, design: &mut GyroDesign) {
     design.axial_reaction = f.pair("axial_reaction_m");
     design.reaction_torque = f.pair("reaction_Nm");
     design.reaction_torque_temperature = f.pair("reaction_Nm_per_K");
+    design.reaction_torque_rise = f.pair("reaction_Nm_per_K_rise");
     design.magnetic_moment = f.number("magnetic_moment_Am2", 0.0);
 }
 
@@ -206,6 +214,7 @@ pub(super) fn accelerometer(node: &Node<'_>) -> Option<AccelerometerEntry> {
             gain: 1.0 / (1.0 + f.number("scale_factor_ppm", 0.0) * 1e-6) - 1.0,
             asymmetry: f.number("asymmetry_ppm", 0.0) * 1e-6,
             quadratic: f.number("quadratic_s2_per_m", 0.0),
+            odd_quadratic: f.number("odd_quadratic_s2_per_m", 0.0),
             cubic: f.number("cubic_s4_per_m2", 0.0),
         };
         design.torquer_temperature = f.number("gain_per_K", 0.0);

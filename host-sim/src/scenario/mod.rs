@@ -10,9 +10,9 @@
 //! | --- | --- |
 //! | | `format`, `title`, `seed` |
 //! | `[time]` | `duration_s`, `step_s` (1), `parts` of a step for the response to motion (1) |
-//! | `[site]` | `latitude_deg`, `altitude_m` |
+//! | `[site]` | `latitude_deg`, `altitude_m`, `gravity_anomaly_mGal` beside normal gravity, of which the case knows nothing |
 //! | `[motion]` | `kind` = static, table, vehicle; `attitude_deg = { roll, pitch, heading }` |
-//! | `[[motion.step]]` of a table | `kind` = dwell, turn (`axis`, `angle_deg`), spin (`axis`, `rate_deg_s`, `ramp_s`), swing (`axis`, `amplitude_deg`, `frequency_hz`); `duration_s` |
+//! | `[[motion.step]]` of a table | `kind` = dwell, turn (`axis`, `angle_deg`), spin (`axis`, `rate_deg_s`, `ramp_s`), swing and cone (`axis`, `amplitude_deg`, `frequency_hz`); `duration_s` |
 //! | `[motion]` of a vehicle | `speed`, `heading_deg`, `bank_share`, `level_platform`, `sway = { roll_deg, pitch_deg, period_s }` |
 //! | `[[motion.leg]]` | `duration_s`, `speed_change`, `heading_change_deg`, `height_change_m` |
 //! | `[thermal]` | profile `ambient_degC`, `initial_degC`, `electronics_position_m`, `bar = { length_m, section_m2, conductivity, capacity, film_left, film_right, side, cells }` |
@@ -20,23 +20,23 @@
 //! | | profile `supply_V`, `magnetic_field_ned_T` |
 //! | `[vibration]` | `direction`, `frequency_hz`, profile `rms` |
 //! | `[[thermometer]]` | `column`, `near`, `position_m`, `tau_s`, `white`, `quantisation` |
-//! | `[case]` | `motion` = static, recorded, navigation, unknown, velocity_error; `voltage`, `magnetic_field`, `vibration`, `specific_force` = true to record it; `pickoff` = id of the gyro whose pick-offs are |
+//! | `[case]` | `motion` = static, recorded, navigation, unknown, velocity_error; `voltage`, `magnetic_field`, `vibration`, `specific_force`, `attitude` = true to record it; `pickoff` = id of the gyro whose pick-offs are |
 //! | `[[gyro]]` | `id`, `second_id`, `input_axis`, `spin_axis`, and what follows |
 //! | `[block]` | five gyros on a cone, `id` the beginning of their ids, and what follows |
 //! | gyro | `group`, `unit`, `recorded`, `relative`, `position_m`, `misalignment_arcsec`, `spin_hz`, `rotor_mass_kg`, `range`, `quantisation` or `pulse`, `full_rate` |
 //! | gyro `.rotor` | `polar_inertia`, `equatorial_inertia`, `gimbal_inertia`, `stiffness_anisotropy`, `stiffness_per_K`, `flexure_damping`, `gas_damping`, `lag_s` |
 //! | gyro `.tuning` | `detuning_ppm` |
-//! | gyro `.loop` | `bandwidth_hz`, `integral_hz`, `filter_hz`, `torquer_hz`, `phase_deg` |
-//! | gyro `.torque` | `axial_unbalance_m`, `axial_unbalance_m_per_K`, `flexure_twist_m`, `radial_compliance_m_per_N`, `axial_compliance_m_per_N`, `cross_compliance_m_per_N`, `radial_cross_compliance_m_per_N`, `axial_reaction_m`, `reaction_Nm`, `reaction_Nm_per_K`, `magnetic_moment_Am2` |
-//! | gyro `.pickoff` | `offset_rad`, `offset_rad_per_K`, `offset_rad_per_K_per_m`, `noise_rad_per_rtHz`, `runout_1n_rad`, `runout_2n_rad`, `vibration_2n_rad_s` |
-//! | gyro `.torquer` | `scale_factor_ppm`, `asymmetry_ppm`, `quadratic_per_rad_s`, `cubic_per_rad2_s2`, `gain_per_K`, `power_W_s2_per_rad2`, `magnet_K_per_W`, `magnet_lag_s` |
+//! | gyro `.loop` | `bandwidth_hz`, `integral_hz`, `filter_hz`, `torquer_hz`, `phase_deg`, `network_s` = what the electronics take out per angular acceleration, along and across |
+//! | gyro `.torque` | `axial_unbalance_m`, `axial_unbalance_m_per_K`, `flexure_twist_m`, `radial_compliance_m_per_N`, `axial_compliance_m_per_N`, `cross_compliance_m_per_N`, `radial_cross_compliance_m_per_N`, `axial_reaction_m`, `reaction_Nm`, `reaction_Nm_per_K`, `reaction_Nm_per_K_rise` of the magnet above the housing, `magnetic_moment_Am2` |
+//! | gyro `.pickoff` | `offset_rad`, `offset_rad_per_K`, `offset_rad_per_K_per_m`, profiles `command_x_rad` and `command_y_rad`, `noise_rad_per_rtHz`, `runout_1n_rad`, `runout_2n_rad`, `vibration_2n_rad_s` |
+//! | gyro `.torquer` | `scale_factor_ppm`, `asymmetry_ppm`, `quadratic_per_rad_s`, `odd_quadratic_per_rad_s`, `cubic_per_rad2_s2`, `gain_per_K`, `power_W_s2_per_rad2`, `magnet_K_per_W`, `magnet_lag_s` |
 //! | `.electronics` | `offset`, `offset_per_K`, `offset_per_V` |
 //! | `.noise` | `white` per √Hz, `markov`, `second_markov` = `{ sigma, tau_s }`, `exp_cos = { sigma, alpha, beta }`, `random_walk` per √s, `flicker = { instability, shortest_s, longest_s }` |
 //! | `.nominal` | as in the case |
 //! | `[[accelerometer]]` | `id`, `input_axis`, `pendulum_axis`, `arm_m`, `group`, `unit`, `recorded`, `relative`, `position_m`, `misalignment_arcsec`, `range`, `quantisation` or `pulse`, `full_rate` |
 //! | accelerometer `.pendulum` | `pendulosity`, `inertia`, `damping`, `hinge_stiffness`, `servo_stiffness`, `integrator_gain`, `integrator_rate`, `torquer_rate`, `hinge_Nm`, `hinge_Nm_per_K`, `hinge_Nm_per_K_per_m` |
 //! | accelerometer `.pickoff` | `offset_rad`, `offset_rad_per_K` |
-//! | accelerometer `.torquer` | `scale_factor_ppm`, `asymmetry_ppm`, `quadratic_s2_per_m`, `cubic_s4_per_m2`, `gain_per_K`, `power_W_s4_per_m2`, `magnet_K_per_W`, `magnet_lag_s` |
+//! | accelerometer `.torquer` | `scale_factor_ppm`, `asymmetry_ppm`, `quadratic_s2_per_m`, `odd_quadratic_s2_per_m`, `cubic_s4_per_m2`, `gain_per_K`, `power_W_s4_per_m2`, `magnet_K_per_W`, `magnet_lag_s` |
 //! | `[[doppler]]` | `id`, `group`, `axis`, `arm_m`, `delay_s`, `misalignment_deg`, `scale_factor_ppm`, `range`, `quantisation`, `.noise`, `.nominal` |
 //! | `[loop]` | `id`, `radius_m`, `gravity`, `velocity_error`, `tilt_rad`, `velocity_white`, `delay_s`, `channel` = north, east; `accelerometer`, `gyro` = id of an instrument, or `accelerometer_error`, `gyro_error` = a `.noise` in SI units; `nominal = { accelerometer, gyro, velocity_white }` |
 //! | `[[loop.outage]]`, `[[gap]]` | `start_s`, `duration_s` |
@@ -84,6 +84,8 @@ pub struct Scenario {
     pub site: Site,
     /// How it moves.
     pub motion: Motion,
+    /// Site and motion as the case and the recorded reference have them, where they are other than the true ones.
+    pub believed: Option<Believed>,
     /// What the case tells of the motion.
     pub told: Told,
     /// What surrounds the instruments.
@@ -106,8 +108,20 @@ pub struct Scenario {
     pub parasites: Vec<ParasiteEntry>,
     /// Outputs that are older or slower than their time says.
     pub clocks: Vec<ClockEntry>,
+    /// Fibre-optic gyros whose processor tells the turn over each step as a rotation vector, divided by the step, instead of the mean
+    /// rate.
+    pub rotation_vectors: Vec<String>,
     /// Rows that the recording lacks: start and length, s.
     pub gaps: Vec<(f64, f64)>,
+}
+
+/// Site and motion as their user believes them to be.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Believed {
+    /// Where the body stands or starts.
+    pub site: Site,
+    /// How it moves.
+    pub motion: Motion,
 }
 
 /// What the case tells of the motion.
@@ -115,7 +129,7 @@ pub struct Scenario {
 pub enum Told {
     /// At rest, at the true attitude.
     Static,
-    /// Rate and specific force in columns.
+    /// Rate and specific force in columns; see also [`Recorded::attitude`].
     Recorded,
     /// Velocity and attitude in columns.
     Navigation,
@@ -127,7 +141,7 @@ pub enum Told {
 
 /// What is recorded of the surroundings.
 #[derive(Clone, Debug, Default, PartialEq)]
-#[expect(clippy::struct_excessive_bools, reason = "four independent switches")]
+#[expect(clippy::struct_excessive_bools, reason = "independent switches")]
 pub struct Recorded {
     /// Thermometers.
     pub thermometers: Vec<ThermometerEntry>,
@@ -141,6 +155,8 @@ pub struct Recorded {
     pub vibration: bool,
     /// Whether the specific force in body axes is, in a velocity-error case.
     pub specific_force: bool,
+    /// Whether the attitude is, beside rate and specific force.
+    pub attitude: bool,
     /// Id of the gyro whose pick-off angles are.
     pub pickoff: Option<String>,
 }
@@ -175,6 +191,8 @@ pub struct GyroEntry {
     pub design: GyroDesign,
     /// Where it sits along the bar, m.
     pub position_m: f64,
+    /// Angles of the pick-offs x and y at which its loop is told to hold the rotor, rad.
+    pub pickoff_command: [Profile; 2],
     /// What the case believes, in `unit`.
     pub nominal: Nominal,
     /// Whether its columns are read against an unknown constant.
@@ -379,7 +397,11 @@ fn read(node: &Node<'_>) -> Option<Scenario> {
     let title = fields.text("title").unwrap_or_default();
     let seed = fields.whole("seed", 1) as u64;
     let time = node.required("time", "a table [time]").and_then(|field| field.table(setting::time));
-    let site = fields.table("site", setting::site).unwrap_or(Site { latitude: 0.0, height: 0.0 });
+    let site = fields.table("site", setting::site).unwrap_or(Site {
+        latitude: 0.0,
+        height: 0.0,
+        gravity_anomaly: 0.0,
+    });
     let motion = fields.table("motion", setting::motion).unwrap_or(Motion::Static(Attitude::default()));
     let environment = setting::environment(node);
     let thermometers = node.tables("thermometer", setting::thermometer);
@@ -451,6 +473,7 @@ fn read(node: &Node<'_>) -> Option<Scenario> {
         parts,
         site,
         motion,
+        believed: None,
         told,
         environment,
         recorded,
@@ -462,6 +485,7 @@ fn read(node: &Node<'_>) -> Option<Scenario> {
         faults: resolved,
         parasites: Vec::new(),
         clocks: Vec::new(),
+        rotation_vectors: Vec::new(),
         gaps,
     })
 }

@@ -37,7 +37,8 @@ pub(super) fn site(node: &Node<'_>) -> Option<Site> {
         .required("latitude_deg", "degrees, -90 to 90")
         .and_then(|f| f.number_where("degrees, -90 to 90", |n| n.abs() <= 90.0));
     let height = Fields(node).number("altitude_m", 0.0);
-    Some(Site { latitude: latitude?.to_radians(), height })
+    let gravity_anomaly = Fields(node).number("gravity_anomaly_mGal", 0.0) * 1e-5;
+    Some(Site { latitude: latitude?.to_radians(), height, gravity_anomaly })
 }
 
 fn attitude(fields: Fields<'_, '_>) -> Attitude {
@@ -92,14 +93,16 @@ fn table_step(node: &Node<'_>) -> Option<TableStep> {
         Turn,
         Spin,
         Swing,
+        Cone,
     }
     let fields = Fields(node);
-    let kind = node.required("kind", "dwell, turn, spin or swing").and_then(|f| {
+    let kind = node.required("kind", "dwell, turn, spin, swing or cone").and_then(|f| {
         f.one_of(&[
             ("dwell", Kind::Dwell),
             ("turn", Kind::Turn),
             ("spin", Kind::Spin),
             ("swing", Kind::Swing),
+            ("cone", Kind::Cone),
         ])
     });
     let duration_s = required_duration(node);
@@ -121,7 +124,7 @@ fn table_step(node: &Node<'_>) -> Option<TableStep> {
             }
             Some(TableStep::Spin { axis: axis(), rate: rate?.to_radians(), duration_s, ramp_s })
         }
-        Kind::Swing => {
+        kind @ (Kind::Swing | Kind::Cone) => {
             let amplitude = needed("amplitude_deg", "the amplitude, degrees");
             let frequency_hz = fields.positive("frequency_hz", 1.0);
             let duration_s = duration_s?;
@@ -130,7 +133,11 @@ fn table_step(node: &Node<'_>) -> Option<TableStep> {
                     .problem_at("duration_s", &format!("found {duration_s}; expected at least two cycles"));
             }
             let amplitude = amplitude?.to_radians();
-            Some(TableStep::Swing { axis: axis(), amplitude, frequency_hz, duration_s })
+            let axis = axis();
+            Some(match kind {
+                Kind::Cone => TableStep::Cone { axis, amplitude, frequency_hz, duration_s },
+                _ => TableStep::Swing { axis, amplitude, frequency_hz, duration_s },
+            })
         }
     }
 }
@@ -269,6 +276,7 @@ pub(super) fn case(fields: Fields<'_, '_>) -> (Option<Told>, Recorded) {
         magnetic_field: fields.flag("magnetic_field"),
         vibration: fields.flag("vibration"),
         specific_force: fields.flag("specific_force"),
+        attitude: fields.flag("attitude"),
         pickoff: fields.text("pickoff"),
     };
     (told, recorded)

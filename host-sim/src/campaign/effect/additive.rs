@@ -8,7 +8,9 @@ use super::Make;
 use super::Rule;
 use super::any;
 use super::choose;
+use super::earth::standing_unit;
 use super::fault;
+use super::input::of_one_input;
 use super::named;
 use super::parasite;
 use super::readout_of;
@@ -36,8 +38,8 @@ pub(super) fn bias_constant(setting: &Setting, draw: &mut Draw) -> Option<Concea
     });
     let it = match setting.kind {
         Kind::Channel => it.same_on("accelerometer", "bias_drift_linear"),
-        Kind::Bench if make == Make::Accelerometer => it.same(&["gravity_anomaly"]),
-        Kind::Bench => it.same(&["earth_rate_attitude"]),
+        Kind::Bench => standing_unit(setting, it),
+        Kind::Table | Kind::TunedTable | Kind::Drive => of_one_input(setting, make, it),
         _ => it,
     };
     let per = 1.0 / setting.unit(&id).in_si();

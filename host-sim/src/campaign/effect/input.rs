@@ -4,6 +4,7 @@ use super::super::setting::Kind;
 use super::super::setting::LOG;
 use super::super::setting::Setting;
 use super::super::setting::UNIT;
+use super::Cause;
 use super::Concealed;
 use super::Family::Input;
 use super::Make;
@@ -13,6 +14,7 @@ use super::along;
 use super::any;
 use super::choose;
 use super::column;
+use super::constant;
 use super::of_each;
 use super::outputs;
 use super::parasite;
@@ -20,6 +22,7 @@ use super::product;
 use super::temperature_at;
 use super::thermal::warm;
 use super::unit_of;
+use crate::physics::motion::{Motion, TableStep};
 use crate::physics::parasite::Disturbance;
 use crate::scenario::ClockEntry;
 use crate::scenario::Scenario;
@@ -38,24 +41,64 @@ pub(super) fn scale_factor(setting: &Setting, draw: &mut Draw) -> Option<Conceal
     let output = id.clone();
     let it = Concealed::new("scale_factor", Input, &id, 1e-4 * sign, move |s, size| match make {
         Make::Fibre => s.fogs.iter_mut().filter(|g| g.id == output).for_each(|g| g.design.scale.gain = size),
+        Make::Tuned => (s.gyros.iter_mut().filter(|g| g.ids.0 == output))
+            .for_each(|g| g.design.torquer[0].gain = 1.0 / (1.0 + size) - 1.0),
         Make::Doppler => {
             s.dopplers.iter_mut().filter(|d| d.id == output).for_each(|d| d.design.scale_factor = size);
         }
         _ => (s.accelerometers.iter_mut().filter(|a| a.id == output))
             .for_each(|a| a.design.torquer.gain = 1.0 / (1.0 + size) - 1.0),
     });
-    Some(pair(setting, it).parameter("coefficient", "ppm", Rule::Sized(1e6)))
+    let it = pair(setting, it).parameter("coefficient", "ppm", Rule::Sized(1e6));
+    Some(if setting.kind == Kind::Radio { it } else { of_one_input(setting, make, it) })
+}
+
+/// Names of a gain and of what bends it.
+const CURVES: [&str; 5] = [
+    "scale_factor",
+    "scale_factor_asymmetry",
+    "scale_factor_quadratic",
+    "scale_factor_odd_quadratic",
+    "scale_factor_cubic",
+];
+
+/// What an output of this name's curve has too much.
+fn curve_of(id: &str, effect: &'static str) -> impl Fn(&Columns) -> Vec<f64> + Send + Sync + use<> {
+    of_each(column(&format!("{id}.input")), move |u| match effect {
+        "scale_factor" => u,
+        "scale_factor_asymmetry" => u.abs(),
+        "scale_factor_quadratic" => u * u,
+        "scale_factor_odd_quadratic" => u * u.abs(),
+        _ => u * u * u,
+    })
+}
+
+/// Other names for a term of one output: another curve; where its input hardly varies, a bias; where the others of its make have
+/// hardly any, the scale factor of them all.
+pub(super) fn of_one_input(setting: &Setting, make: Make, it: Concealed) -> Concealed {
+    let (id, effect) = (it.output.clone(), it.effect);
+    let others = CURVES.into_iter().filter(|other| *other != effect);
+    let it = others.fold(it, |it, other| {
+        let columns: Vec<(String, Cause)> = vec![(id.clone(), Box::new(curve_of(&id, other)))];
+        it.rival(&id, other, columns)
+    });
+    let it = if effect == "bias_constant" {
+        it
+    } else {
+        it.rival(&id, "bias_constant", vec![(id.clone(), Box::new(constant))])
+    };
+    let alike = outputs(setting).into_iter().filter(|(_, other)| *other == make);
+    let columns = alike.map(|(other, _)| -> (String, Cause) {
+        let cause = curve_of(&other, "scale_factor");
+        (other, Box::new(cause))
+    });
+    it.rival(UNIT, "scale_factor", columns.collect())
 }
 
 /// Curvature of a fibre gyro's loop or of an accelerometer's torquer.
 pub(super) fn curve(setting: &Setting, draw: &mut Draw, effect: &'static str) -> Option<Concealed> {
     let (id, make) = choose(setting, draw, |_, make| matches!(make, Make::Fibre | Make::Accelerometer))?;
     let output = id.clone();
-    let power = match effect {
-        "scale_factor_asymmetry" => 1,
-        "scale_factor_quadratic" => 2,
-        _ => 3,
-    };
     let it = Concealed::new(effect, Input, &id, 1e-6 * draw.sign(), move |s, size| {
         let part = s.fogs.iter_mut().find(|g| g.id == output).map(|g| (&mut g.design.scale, 1.0));
         // A torquer's curve is seen through its inverse.
@@ -63,25 +106,22 @@ pub(super) fn curve(setting: &Setting, draw: &mut Draw, effect: &'static str) ->
             s.accelerometers.iter_mut().find(|a| a.id == output).map(|a| (&mut a.design.torquer, -1.0))
         });
         if let Some((part, sign)) = part {
-            match power {
-                1 => part.asymmetry = sign * size,
-                2 => part.quadratic = sign * size,
+            match effect {
+                "scale_factor_asymmetry" => part.asymmetry = sign * size,
+                "scale_factor_quadratic" => part.quadratic = sign * size,
+                "scale_factor_odd_quadratic" => part.odd_quadratic = sign * size,
                 _ => part.cubic = sign * size,
             }
         }
     });
     let si = if make == Make::Fibre { "rad/s" } else { "m/s^2" };
-    let unit = match power {
-        1 => "ppm".to_owned(),
-        2 => format!("({si})^-1"),
+    let unit = match effect {
+        "scale_factor_asymmetry" => "ppm".to_owned(),
+        "scale_factor_quadratic" | "scale_factor_odd_quadratic" => format!("({si})^-1"),
         _ => format!("({si})^-2"),
     };
-    let cause = of_each(column(&format!("{id}.input")), move |u| match power {
-        1 => u.abs(),
-        2 => u * u,
-        _ => u * u * u,
-    });
-    Some(it.slope(unit, cause).tolerating(&["bias_constant", "scale_factor"]))
+    let it = it.slope(unit, curve_of(&id, effect)).tolerating(&["bias_constant", "scale_factor"]);
+    Some(of_one_input(setting, make, it))
 }
 
 pub(super) fn scale_factor_temperature(setting: &Setting, draw: &mut Draw) -> Option<Concealed> {
@@ -333,4 +373,30 @@ pub(super) fn lever_arm(setting: &Setting, draw: &mut Draw) -> Option<Concealed>
             .parameter("arm_y_m", "m", Rule::Sized(direction.y))
             .parameter("arm_z_m", "m", Rule::Sized(direction.z)),
     )
+}
+
+/// The unit's processor tells the turn of each step as a rotation vector; the simulation of it says mean rates.
+pub(super) fn coning_sculling(setting: &Setting, _draw: &mut Draw) -> Option<Concealed> {
+    let Motion::Table { steps, .. } = &setting.scenario.motion else { return None };
+    // In long steps any turn that is not about one axis would show, the Earth's beside the table's.
+    (setting.scenario.step_s < 0.5).then_some(())?;
+    let mut start = 0.0;
+    let mut cones = Vec::new();
+    for step in steps {
+        let end = start + step.duration_s();
+        if matches!(step, TableStep::Cone { .. }) {
+            cones.push((start, end));
+        }
+        start = end;
+    }
+    let mut it = Concealed::new("coning_sculling", Input, "gyro_z", 1.0, |s, _| {
+        s.rotation_vectors = s.fogs.iter().map(|fog| fog.id.clone()).collect();
+    });
+    it.fixed = true;
+    // Where the cones are as wide as each other, the mean is shifted or it is not.
+    let shifted = move |truth: &Columns| {
+        let inside = |t: f64| cones.iter().any(|(from, to)| t > *from && t <= *to);
+        truth.get("t").unwrap_or_default().iter().map(|t| f64::from(u8::from(inside(*t)))).collect()
+    };
+    Some(it.rival("gyro_z", "intermittent_jump", vec![("gyro_z".to_owned(), Box::new(shifted))]))
 }

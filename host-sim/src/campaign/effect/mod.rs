@@ -4,11 +4,13 @@
 //! whatever the simulated physics makes of that; no formula of it stands here. Identifiers are those by which answers are
 //! scored; those that begin with `outside_` are in no catalogue.
 mod additive;
+mod earth;
 mod failure;
 mod input;
 mod noise;
 mod outside;
 mod thermal;
+mod tuned;
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -64,7 +66,7 @@ pub struct Parameter {
 }
 
 /// A true cause, from the truth of a run.
-type Cause = Box<dyn Fn(&Columns) -> Vec<f64> + Send + Sync>;
+pub type Cause = Box<dyn Fn(&Columns) -> Vec<f64> + Send + Sync>;
 /// The noise with an effect of a size.
 type NoiseOf = Box<dyn Fn(&Noise, f64) -> Noise + Send + Sync>;
 /// How an effect of a size is put into a scenario.
@@ -78,6 +80,16 @@ pub struct NoiseChange {
     pub refit: bool,
 }
 
+/// Another name for an effect: as good as its own where the noise does not tell them apart.
+pub struct Rival {
+    /// Sensor or group.
+    pub sensor: String,
+    /// Identifier.
+    pub effect: &'static str,
+    /// Outputs and what it does to each, but for one common coefficient.
+    pub columns: Vec<(String, Cause)>,
+}
+
 /// A concealed effect whose size is open.
 pub struct Concealed {
     /// Identifier.
@@ -88,6 +100,8 @@ pub struct Concealed {
     pub sensor: String,
     /// Other pairs of sensor and effect that are physically the same.
     pub same: Vec<(String, &'static str)>,
+    /// Pairs that may be.
+    pub rivals: Vec<Rival>,
     /// Pairs that are not wrong beside it.
     pub tolerated: Vec<(String, &'static str)>,
     /// When it acts, for an effect that is local in time, s.
@@ -98,6 +112,8 @@ pub struct Concealed {
     pub start: f64,
     /// Whether the exact signal is proportional to the size.
     pub linear: bool,
+    /// Whether it is there or not and has no size.
+    pub fixed: bool,
     /// Whether what it does depends on the noise.
     pub with_noise: bool,
     /// Puts it into a scenario.
@@ -121,11 +137,13 @@ impl Concealed {
             family,
             sensor: sensor.to_owned(),
             same: vec![],
+            rivals: vec![],
             tolerated: vec![],
             interval_s: None,
             output: sensor.to_owned(),
             start,
             linear: true,
+            fixed: false,
             with_noise: false,
             inject: Box::new(inject),
             parameters: vec![],
@@ -140,6 +158,11 @@ impl Concealed {
 
     fn same_on(mut self, sensor: &str, effect: &'static str) -> Self {
         self.same.push((sensor.to_owned(), effect));
+        self
+    }
+
+    fn rival(mut self, sensor: &str, effect: &'static str, columns: Vec<(String, Cause)>) -> Self {
+        self.rivals.push(Rival { sensor: sensor.to_owned(), effect, columns });
         self
     }
 
@@ -196,11 +219,13 @@ pub struct Entry {
 }
 
 use Family::{Additive, Failure, Input, Noise as Structure, Outside, Thermal as Warm};
-use Kind::{Bench, Block, Channel, Drive, Log, Radio, Table, Tumble};
+use Kind::{Bench, Block, Channel, Drive, Log, Radio, Table, Tumble, TunedTable};
 
 const STILL: &[Kind] = &[Bench];
 const WARM: &[Kind] = &[Bench, Block, Channel, Table, Tumble];
 const TURNED: &[Kind] = &[Table, Drive];
+const STANDING: &[Kind] = &[Bench, Tumble];
+const FAST: &[Kind] = &[TunedTable];
 
 macro_rules! entries {
     ($($effect:literal $family:ident $kinds:expr => $draw:expr;)*) => {
@@ -210,14 +235,15 @@ macro_rules! entries {
 }
 
 entries! {
-    "bias_constant" Additive &[Bench, Table, Drive, Block, Channel] => additive::bias_constant;
-    "bias_step" Additive &[Bench, Table, Drive, Log, Block, Radio, Channel] => additive::bias_step;
+    "bias_constant" Additive &[Bench, Table, TunedTable, Drive, Block, Channel] => additive::bias_constant;
+    "bias_step" Additive &[Bench, Table, TunedTable, Drive, Log, Block, Radio, Channel] => additive::bias_step;
     "bias_drift_linear" Additive &[Bench, Block, Channel, Table] => additive::bias_drift_linear;
     "bias_warmup" Additive &[Bench, Block, Table] => additive::bias_warmup;
     "bias_supply_voltage" Additive &[Bench, Table, Drive] => additive::bias_supply_voltage;
     "bias_pressure" Additive &[Bench, Block, Table] => |s, d| additive::coupled(s, d, "bias_pressure", "pressure");
     "bias_on_aux" Additive &[Bench, Block, Table, Drive] => additive::bias_on_aux;
     "bias_magnetic_field" Additive &[Tumble] => additive::bias_magnetic_field;
+    "bias_pickoff_offset" Additive STILL => tuned::bias_pickoff_offset;
     "bias_restart" Additive &[Bench, Block] => additive::bias_restart;
     "periodic_line" Additive &[Bench, Block, Table, Channel] => additive::periodic_line;
     "schuler_oscillation" Additive &[Radio] => additive::schuler_oscillation;
@@ -229,9 +255,10 @@ entries! {
     "bias_temperature_gradient" Warm &[Bench, Tumble] => thermal::bias_temperature_gradient;
     "bias_electronics_temperature" Warm &[Bench, Block, Table] => thermal::bias_electronics_temperature;
     "bias_thermal_hysteresis" Warm STILL => thermal::bias_thermal_hysteresis;
-    "scale_factor" Input &[Table, Drive, Log, Radio] => input::scale_factor;
+    "scale_factor" Input &[Table, TunedTable, Drive, Log, Radio] => input::scale_factor;
     "scale_factor_asymmetry" Input TURNED => |s, d| input::curve(s, d, "scale_factor_asymmetry");
     "scale_factor_quadratic" Input TURNED => |s, d| input::curve(s, d, "scale_factor_quadratic");
+    "scale_factor_odd_quadratic" Input TURNED => |s, d| input::curve(s, d, "scale_factor_odd_quadratic");
     "scale_factor_cubic" Input TURNED => |s, d| input::curve(s, d, "scale_factor_cubic");
     "scale_factor_temperature" Input &[Table, Tumble] => input::scale_factor_temperature;
     "misalignment" Input &[Table, Drive, Tumble, Log] => input::misalignment;
@@ -243,11 +270,18 @@ entries! {
     "g2_anisoelasticity" Input &[Tumble] => |s, d| input::g_term(s, d, "g2_anisoelasticity");
     "g2_cross" Input &[Tumble] => |s, d| input::g_term(s, d, "g2_cross");
     "g_mass_unbalance_temperature" Input &[Tumble] => |s, d| input::g_term(s, d, "g_mass_unbalance_temperature");
+    "torquer_self_heating" Input FAST => tuned::torquer_self_heating;
+    "anisoinertia" Input FAST => tuned::anisoinertia;
+    "angular_acceleration" Input FAST => tuned::angular_acceleration;
+    "rate_cross_axis" Input FAST => tuned::rate_cross_axis;
+    "coning_sculling" Input &[Table] => input::coning_sculling;
     "post_g_transient" Input &[Table, Tumble, Drive] => input::post_g_transient;
     "vibration_rectification" Input &[Drive] => input::vibration_rectification;
     "time_delay" Input &[Table, Drive, Log, Radio, Channel] => input::time_delay;
     "bandwidth_lag" Input TURNED => input::bandwidth_lag;
     "lever_arm" Input &[Table, Drive, Log] => input::lever_arm;
+    "earth_rate_attitude" Input STANDING => earth::earth_rate_attitude;
+    "gravity_anomaly" Input STANDING => earth::gravity_anomaly;
     "noise_white" Structure &[Bench, Table, Drive, Log] => noise::noise_white;
     "noise_markov" Structure &[Bench, Table, Log] => noise::noise_markov;
     "noise_exp_cos" Structure &[Bench, Table] => noise::noise_exp_cos;
@@ -353,9 +387,14 @@ fn temperature_at(id: &str) -> impl Fn(&Columns) -> Vec<f64> + Send + Sync + 'st
     move |truth| truth.get(&column).unwrap_or_default().to_vec()
 }
 
-fn column(name: &str) -> impl Fn(&Columns) -> Vec<f64> + Send + Sync + 'static {
+fn column(name: &str) -> impl Fn(&Columns) -> Vec<f64> + Send + Sync + use<> {
     let name = name.to_owned();
     move |truth| truth.get(&name).unwrap_or_default().to_vec()
+}
+
+/// The same at all times.
+fn constant(truth: &Columns) -> Vec<f64> {
+    vec![1.0; truth.get("t").unwrap_or_default().len()]
 }
 
 fn product(

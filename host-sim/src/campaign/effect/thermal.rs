@@ -51,9 +51,14 @@ pub(super) fn bridge(s: &mut Scenario, output: &str, first: f64, second: f64, th
     parasite(s, output, Disturbance::Bridge { first, second, third, balanced: 20.0 });
 }
 
+/// Whether an output's rotor may be off tune: one that is held at other angles would show that as well.
+fn may_be_detuned(setting: &Setting, id: &str) -> bool {
+    setting.scenario.recorded.pickoff.as_deref() != Some(id)
+}
+
 pub(super) fn bias_temperature_sq(setting: &Setting, draw: &mut Draw) -> Option<Concealed> {
     warm(setting)?;
-    let (id, make) = any(setting, draw)?;
+    let (id, make) = choose(setting, draw, |id, make| make != Make::Velocity && may_be_detuned(setting, id))?;
     let output = id.clone();
     let start = 0.01 * scale_of(setting, &id) * draw.sign();
     let it = Concealed::new("bias_temperature_sq", Warm, &id, start, move |s, size| match make {
@@ -99,8 +104,9 @@ pub(super) fn gradient_driven(
     far: bool,
 ) -> Option<Concealed> {
     warm(setting)?;
-    let (id, make) = choose(setting, draw, |_, make| {
-        matches!(make, Make::Tuned | Make::Accelerometer) || (make == Make::Fibre && !far)
+    let (id, make) = choose(setting, draw, |id, make| {
+        let fits = matches!(make, Make::Tuned | Make::Accelerometer) || (make == Make::Fibre && !far);
+        fits && may_be_detuned(setting, id)
     })?;
     let output = id.clone();
     let scale = scale_of(setting, &id) * draw.sign();
@@ -151,7 +157,7 @@ pub(super) fn bias_temperature_gradient(setting: &Setting, draw: &mut Draw) -> O
 
 pub(super) fn bias_thermal_lag(setting: &Setting, draw: &mut Draw) -> Option<Concealed> {
     warm(setting)?;
-    let (id, _) = choose(setting, draw, |_, make| make == Make::Tuned)?;
+    let (id, _) = choose(setting, draw, |id, make| make == Make::Tuned && may_be_detuned(setting, id))?;
     let tau_s = setting.scenario.duration_s * draw.log_between(0.01, 0.08);
     let output = id.clone();
     let start = 0.1 * scale_of(setting, &id) * draw.sign();
