@@ -124,10 +124,13 @@ impl NoiseStructure {
     }
 }
 
+// The default stands as a number for Python's signature.
+const _: () = assert!(EXPONENTIAL_FLOOR == 0.5, "the default of fit_exponential");
+
 /// The exponential fit [FIL-15] of an autocorrelation, shape (lags,), whose lags are spacing_s seconds apart, over the
 /// first run of correlations above floor; None where nothing decays.
 #[pyfunction]
-#[pyo3(signature = (covariance, spacing_s, *, floor=EXPONENTIAL_FLOOR))]
+#[pyo3(signature = (covariance, spacing_s, *, floor=0.5))]
 pub(crate) fn fit_exponential(
     covariance: &Bound<'_, PyAny>,
     spacing_s: f64,

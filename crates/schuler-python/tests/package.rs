@@ -329,8 +329,8 @@ fn isolation() -> Value {
 fn noise() -> Value {
     use host_sim::identify::autocorrelation::{Centre, autocorrelation};
 
-    let spacing_s = 10.0;
-    let (alpha, beta) = (1.0 / 600.0, std::f64::consts::TAU / 1800.0);
+    let spacing_s = 10.0_f64;
+    let (alpha, beta) = (1.0_f64 / 600.0, std::f64::consts::TAU / 1800.0);
     let mut random = MinimalStandard::new(54_321);
     let mut pair = [random.normal(), random.normal()];
     let decay = (-alpha * spacing_s).exp();

@@ -21,7 +21,7 @@ def check(*arguments: str) -> None:
 
 
 def test_stubs_are_those_of_the_compiled_module() -> None:
-    check("mypy.stubtest", "schuler._schuler", "schuler.answers", "schuler", "--allowlist", "tests/stubtest.txt")
+    check("mypy.stubtest", "--mypy-config-file", "pyproject.toml", "schuler")
 
 
 def test_strict_types(tmp_path: Path) -> None:

@@ -17,6 +17,37 @@ _Counts: TypeAlias = NDArray[np.uint64]
 _Bytes: TypeAlias = NDArray[np.uint8]
 _Bools: TypeAlias = NDArray[np.bool_]
 
+__all__ = [
+    "AdaptiveFilter",
+    "AdaptiveRun",
+    "AllanDeviation",
+    "Autocorrelation",
+    "ErrorFilter",
+    "Exponential",
+    "ExponentialCosine",
+    "FaultIsolation",
+    "FilterConfig",
+    "FilterRun",
+    "FilterStep",
+    "GyroBlock",
+    "IsolationRun",
+    "MarkovNoise",
+    "NoiseStructure",
+    "Projection",
+    "SequentialStatistics",
+    "__version__",
+    "allan_deviation",
+    "autocorrelation",
+    "campaign_case",
+    "campaign_cases",
+    "campaign_summary",
+    "choose_structure",
+    "explain",
+    "fit_exponential",
+    "fit_exponential_cosine",
+    "identify",
+]
+
 __version__: str
 
 @final

@@ -20,6 +20,7 @@ was done, but some cannot be answered because of what stands in them; 130 stoppe
 
 import argparse
 import contextlib
+import enum
 import fcntl
 import glob
 import hashlib
@@ -32,7 +33,7 @@ import tomllib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -41,9 +42,21 @@ from ray.exceptions import RayError
 
 import schuler
 
-Status: TypeAlias = Literal["answered", "bad_input", "failed", "lost"]
 
-DONE: frozenset[Status] = frozenset({"answered", "bad_input"})
+class Status(enum.StrEnum):
+    """What became of a case."""
+
+    ANSWERED = "answered"
+    """It has an answer."""
+    BAD_INPUT = "bad_input"
+    """It cannot be answered because of what stands in it; the error says what."""
+    FAILED = "failed"
+    """It should have been answered: a mistake in this package."""
+    LOST = "lost"
+    """Its worker died, and so did those after it."""
+
+
+DONE = frozenset({Status.ANSWERED, Status.BAD_INPUT})
 """What is not tried again: the same input gives the same answer."""
 
 CASES = pa.schema(
@@ -142,20 +155,20 @@ def attempt(job: Job) -> Result:
     start = time.perf_counter()
     answer: Any = None
     error = None
-    status: Status = "answered"
+    status = Status.ANSWERED
     try:
         if job.seed is None or job.index is None:
             answer = schuler.explain(job.case, level=job.level)
         else:
             answer = schuler.campaign_case(job.case, seed=job.seed, index=job.index)
     except ValueError as wrong:
-        status, error = "bad_input", str(wrong)
+        status, error = Status.BAD_INPUT, str(wrong)
     except KeyboardInterrupt:
         # How Ray cancels.
         raise
     except BaseException as failure:
         # A panic is no Exception.
-        status, error = "failed", f"{type(failure).__name__}: {failure}"
+        status, error = Status.FAILED, f"{type(failure).__name__}: {failure}"
     time_s = time.perf_counter() - start
     return Result(status, time_s, None if answer is None else json.dumps(answer), error)
 
@@ -197,7 +210,7 @@ class Store:
             "case": job.case,
             "seed": job.seed,
             "index": job.index,
-            "status": result.status,
+            "status": result.status.value,
             "verdict": answer.get("verdict"),
             "findings": len(found),
             "time_s": result.time_s,
@@ -308,7 +321,7 @@ def results(remote: Any, jobs: Iterable[Job], at_once: int) -> Iterator[tuple[Jo
             try:
                 result = ray.get(reference)
             except RayError as lost:
-                result = Result("lost", 0.0, error=f"{type(lost).__name__}: {str(lost).splitlines()[0]}")
+                result = Result(Status.LOST, 0.0, error=f"{type(lost).__name__}: {str(lost).splitlines()[0]}")
             yield job, fingerprint, result
 
 
@@ -325,7 +338,7 @@ class Progress:
     def tell(self, result: Result) -> None:
         """One more is done."""
         self.done += 1
-        self.bad += result.status != "answered"
+        self.bad += result.status != Status.ANSWERED
         now = time.monotonic()
         if self.quiet or (now - self.said < 1.0 and self.done < self.cases):
             return
@@ -459,14 +472,14 @@ def report(table: pa.Table, out: Path) -> int:
     counts = ", ".join(f"{count} {name}" for name, count in sorted(verdicts.items()))
     print(f"{len(rows)} cases: {counts}; {sum(row['time_s'] for row in rows):.1f} s of work")
     for row in rows:
-        if row["status"] != "answered":
+        if row["status"] != Status.ANSWERED:
             # Bad input names its file itself.
-            print(f"  {row['error']}" if row["status"] == "bad_input" else f"  {row['case']}: {row['error']}")
+            print(f"  {row['error']}" if row["status"] == Status.BAD_INPUT else f"  {row['case']}: {row['error']}")
     print(f"{out / 'cases.parquet'}\n{out / 'findings.parquet'}")
     statuses = {row["status"] for row in rows}
-    if statuses & {"lost", "failed"}:
+    if statuses & {Status.LOST, Status.FAILED}:
         return 1
-    return 3 if "bad_input" in statuses else 0
+    return 3 if Status.BAD_INPUT in statuses else 0
 
 
 if __name__ == "__main__":
