@@ -1,0 +1,169 @@
+"""Types of the answers, which are the documents that the command prints with `--json`."""
+
+from typing import Any, Literal, NotRequired, TypedDict
+
+
+class Parameter(TypedDict):
+    """A fitted number, or a word that says which of several (a column, an axis)."""
+
+    name: str
+    value: NotRequired[float]
+    sigma: NotRequired[float]
+    unit: NotRequired[str]
+    text: NotRequired[str]
+    plausible: NotRequired[bool]
+
+
+class Evidence(TypedDict):
+    """How sure a finding is: gain of log-likelihood, and probability that a record without any effect shows so much."""
+
+    gain_nats: float
+    p_value: float
+
+
+class NoiseShift(TypedDict):
+    """A noise parameter before and after a finding entered."""
+
+    sensor: str
+    name: str
+    unit: str
+    before: float | None
+    after: float | None
+
+
+class Rival(TypedDict):
+    """An effect that the data cannot tell from a finding."""
+
+    sensor: str
+    effect: str
+    principal_angle_deg: float | None
+    behind_nats: float | None
+    separated_by: str
+
+
+# Not a class: `class` is a keyword.
+Finding = TypedDict(
+    "Finding",
+    {
+        "sensor": str,
+        "effect": str,
+        "class": list[str],
+        "interval_s": list[float],
+        "parameters": list[Parameter],
+        "evidence": Evidence,
+        "sentence": str,
+        "noise_shift": NotRequired[list[NoiseShift]],
+        "rivals": NotRequired[list[Rival]],
+    },
+)
+
+
+class Goodness(TypedDict):
+    """How well a description predicts; None where there was nothing to judge by."""
+
+    nll_per_sample: float | None
+    rmse: float | None
+    whiteness_p: float | None
+    nis_mean: float | None
+
+
+class BeforeAfter(TypedDict):
+    """Without the findings and with them."""
+
+    before: Goodness
+    after: Goodness
+    intervals_s: NotRequired[list[list[float]]]
+    samples: NotRequired[int]
+
+
+class Fit(TypedDict):
+    """On the blocks that were fitted, and on those held out."""
+
+    train: BeforeAfter
+    held_out: BeforeAfter
+
+
+class Located(TypedDict):
+    """A place where record and simulation differ."""
+
+    sensor: str
+    test: str
+    what: str
+    p_value: float
+    interval_s: NotRequired[list[float]]
+    band_hz: NotRequired[list[float]]
+
+
+class Remainder(TypedDict):
+    """What remains where the catalogue does not suffice."""
+
+    sensor: str
+    what: str
+    on: NotRequired[str]
+    gain_nats: float
+
+
+class Explanation(TypedDict):
+    """`schuler-explanation/1`."""
+
+    format: str
+    verdict: Literal["explained", "partly_explained", "no_mismatch", "unexplained"]
+    findings: list[Finding]
+    fit: Fit
+    located: list[Located]
+    remainder: NotRequired[Remainder]
+    notes: NotRequired[list[str]]
+
+
+class SensorIdentification(TypedDict):
+    """The noise of one sensor, in SI units unless a key names another."""
+
+    id: str
+    column: str
+    kind: str
+    unit: str
+    written_unit: str
+    written_unit_in_si: float
+    present: int
+    missing: int
+    subtracted: Any
+    trend: dict[str, Any] | None
+    autocorrelation: dict[str, Any]
+    allan: list[dict[str, Any]]
+    floor: dict[str, Any] | None
+    coefficients: list[dict[str, Any]]
+    power_laws_p: float | None
+    structure: dict[str, Any]
+
+
+class Identification(TypedDict):
+    """`schuler-identification/1`."""
+
+    format: str
+    title: str
+    time_column: str
+    step_s: float
+    rows: int
+    rows_in_gaps: int
+    sensors: list[SensorIdentification]
+    warnings: list[str]
+
+
+class CaseScore(TypedDict):
+    """The score of a case of a campaign."""
+
+    index: int
+    seed: int
+    name: str
+    family: str
+    setting: str
+    rows: int
+    sensors: int
+    time_s: float
+    failure: str | None
+    verdict: str | None
+    effects: list[dict[str, Any]]
+    false_findings: list[list[str]]
+    findings: list[list[str]]
+    held_out_nats: list[float] | None
+    fingerprint: str

@@ -1,0 +1,194 @@
+//! Cases and recordings as Python has them: files, or dictionaries and arrays.
+use std::path::{Path, PathBuf};
+
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::{PyBool, PyFloat, PyInt, PyList, PyMapping, PyString, PyTuple};
+use schuler_recording::table::{Columns, TableReader};
+use schuler_recording::{CaseFile, Error, Problem, Recording};
+use toml::Value;
+
+use crate::input::{vector, wrong};
+
+/// What a case that is no file is called in messages.
+const NAME: &str = "case";
+/// What a table that is no file is called in messages.
+const ARRAYS: &str = "<arrays>";
+
+/// A case, and where its table is.
+pub(crate) struct Given {
+    file: CaseFile,
+    arrays: Option<Arrays>,
+}
+
+impl Given {
+    /// A case from the path of its file or a dictionary of what would stand there, and its recording from the path that
+    /// the case names, from another path, or from a dictionary of arrays.
+    ///
+    /// # Errors
+    /// `ValueError` by file, line, field and expectation; `TypeError` for something else than a path or a mapping.
+    pub(crate) fn new(case: &Bound<'_, PyAny>, recording: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let arrays = match recording {
+            Some(recording) if recording.cast::<PyMapping>().is_ok() => Some(Arrays::new(recording)?),
+            _ => None,
+        };
+        let mut file = if case.cast::<PyMapping>().is_ok() {
+            from_dictionary(case, arrays.is_some())?
+        } else {
+            let path = path_of(case, "case", "the path of a case file or a dictionary")?;
+            case.py().detach(|| CaseFile::read(&path)).map_err(|error| unusable(&error))?
+        };
+        if arrays.is_some() {
+            file.case.recording.path = ARRAYS.into();
+        } else if let Some(recording) = recording {
+            let path = path_of(recording, "recording", "a path or a dictionary of arrays")?;
+            // Relative to the working directory, not to the case.
+            file.case.recording.path = std::path::absolute(path)?;
+        }
+        Ok(Self { file, arrays })
+    }
+
+    /// By what name messages call the case.
+    pub(crate) fn path(&self) -> PathBuf {
+        self.file.path.clone()
+    }
+
+    /// Reads the table.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub(crate) fn read(self) -> Result<Recording, Error> {
+        match self.arrays {
+            Some(arrays) => Recording::of_table(self.file, Box::new(arrays)),
+            None => Recording::of_case(self.file),
+        }
+    }
+}
+
+/// The exception for a file that cannot be used: the one line that the command prints.
+pub(crate) fn unusable(error: &Error) -> PyErr {
+    wrong(error.to_string())
+}
+
+fn path_of(value: &Bound<'_, PyAny>, name: &str, expected: &str) -> PyResult<PathBuf> {
+    value.extract().map_err(|_| {
+        let found = value.get_type().name().map_or_else(|_| String::new(), |name| name.to_string());
+        PyTypeError::new_err(format!("{name}: found {found}; expected {expected}"))
+    })
+}
+
+/// A case from a dictionary: written as TOML and read as any other, so that it is judged by the same rules. Lines say
+/// nothing to someone who never saw that text, and are left out.
+fn from_dictionary(case: &Bound<'_, PyAny>, has_arrays: bool) -> PyResult<CaseFile> {
+    let mut value = toml_of(case, NAME)?;
+    if let Some(recording) = value.get_mut("recording").and_then(Value::as_table_mut)
+        && has_arrays
+    {
+        recording.entry("path").or_insert_with(|| ARRAYS.into());
+    }
+    let text = toml::to_string(&value).map_err(|error| wrong(format!("{NAME}: {error}")))?;
+    let mut file = CaseFile::parse(Path::new(NAME), &text).map_err(|mut error| {
+        for problem in &mut error.problems {
+            problem.line = None;
+        }
+        unusable(&error)
+    })?;
+    for warning in &mut file.warnings {
+        if let Some((_line, rest)) = warning.split_once(": ") {
+            *warning = rest.to_owned();
+        }
+    }
+    file.lines = Default::default();
+    Ok(file)
+}
+
+/// What would stand in a TOML file; numpy's arrays and numbers as lists and numbers, paths as strings.
+fn toml_of(value: &Bound<'_, PyAny>, path: &str) -> PyResult<Value> {
+    if value.is_instance_of::<PyBool>() {
+        Ok(Value::Boolean(value.extract()?))
+    } else if value.is_instance_of::<PyInt>() {
+        let too_large = |_| wrong(format!("{path}: found an integer beyond 64 bits; expected a smaller one"));
+        Ok(Value::Integer(value.extract().map_err(too_large)?))
+    } else if value.is_instance_of::<PyFloat>() {
+        Ok(Value::Float(value.extract()?))
+    } else if value.is_instance_of::<PyString>() {
+        Ok(Value::String(value.extract()?))
+    } else if let Ok(mapping) = value.cast::<PyMapping>() {
+        let mut table = toml::Table::new();
+        for item in mapping.items()? {
+            let (key, value): (Bound<'_, PyAny>, Bound<'_, PyAny>) = item.extract()?;
+            let key: String = key
+                .extract()
+                .map_err(|_| wrong(format!("{path}: found the key {key}; expected keys that are strings")))?;
+            let value = toml_of(&value, &format!("{path}.{key}"))?;
+            table.insert(key, value);
+        }
+        Ok(Value::Table(table))
+    } else if value.is_instance_of::<PyList>() || value.is_instance_of::<PyTuple>() {
+        let items = value.try_iter()?.enumerate();
+        let items = items.map(|(index, item)| toml_of(&item?, &format!("{path}[{index}]")));
+        Ok(Value::Array(items.collect::<PyResult<_>>()?))
+    } else if value.hasattr("tolist")? {
+        toml_of(&value.call_method0("tolist")?, path)
+    } else if let Ok(file) = value.extract::<PathBuf>() {
+        Ok(Value::String(file.to_string_lossy().into_owned()))
+    } else {
+        let found = value.get_type().name()?;
+        let expected = "expected a number, a string, true or false, a list or a dictionary";
+        Err(wrong(format!("{path}: found {found}; {expected}")))
+    }
+}
+
+/// Columns in memory.
+struct Arrays {
+    names: Vec<String>,
+    values: Vec<Vec<f64>>,
+}
+
+impl Arrays {
+    fn new(recording: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let (mut names, mut values) = (Vec::new(), Vec::<Vec<f64>>::new());
+        for item in recording.cast::<PyMapping>()?.items()? {
+            let (name, column): (Bound<'_, PyAny>, Bound<'_, PyAny>) = item.extract()?;
+            let name: String = name
+                .extract()
+                .map_err(|_| wrong(format!("recording: found the key {name}; expected names of columns")))?;
+            let column = vector(&format!("recording[{name:?}]"), &column)?;
+            if let (Some(first), Some(rows)) = (names.first(), values.first().map(Vec::len))
+                && column.len() != rows
+            {
+                let found = format!("recording[{name:?}]: found {} rows", column.len());
+                return Err(wrong(format!("{found}; expected {rows}, as recording[{first:?}] has")));
+            }
+            names.push(name);
+            values.push(column);
+        }
+        Ok(Self { names, values })
+    }
+}
+
+impl TableReader for Arrays {
+    fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    fn read(self: Box<Self>, wanted: &[usize]) -> Result<Columns, Error> {
+        let rows = self.values.first().map_or(0, Vec::len);
+        if rows == 0 {
+            let empty = Problem::of_file("found no rows; expected at least two");
+            return Err(Error::one(ARRAYS, empty));
+        }
+        let mut columns = Columns { lines: (1..=rows as u64).collect(), ..Columns::default() };
+        for &index in wanted {
+            let mut values = self.values.get(index).cloned().unwrap_or_default();
+            let mut infinite = 0;
+            for value in values.iter_mut().filter(|value| value.is_infinite()) {
+                *value = f64::NAN;
+                infinite += 1;
+            }
+            columns.values.push(values);
+            columns.infinite.push(infinite);
+        }
+        Ok(columns)
+    }
+}

@@ -1,0 +1,96 @@
+//! Arrays that come from Python, and arrays that go there.
+use numpy::ndarray::Dimension;
+use numpy::{
+    Element, IntoPyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArray,
+    PyUntypedArrayMethods,
+};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use schuler_core::config::ConfigError;
+
+/// The numbers of an array-like of one dimension; NaN where a masked array is masked.
+///
+/// # Errors
+/// `ValueError` with the name of the argument, what was found and what was expected.
+pub(crate) fn vector(name: &str, values: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
+    numbers(name, values, "(n,)", |shape| matches!(shape, [_]))
+}
+
+/// The rows of an array-like of shape (n, `N`).
+///
+/// # Errors
+/// As [`vector`].
+pub(crate) fn rows<const N: usize>(name: &str, values: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; N]>> {
+    let flat =
+        numbers(name, values, &format!("(n, {N})"), |shape| matches!(shape, [_, columns] if *columns == N))?;
+    Ok(flat.as_chunks::<N>().0.to_vec())
+}
+
+/// An array-like of exactly `N` numbers.
+///
+/// # Errors
+/// As [`vector`].
+pub(crate) fn exactly<const N: usize>(name: &str, values: &Bound<'_, PyAny>) -> PyResult<[f64; N]> {
+    let flat = numbers(name, values, &format!("({N},)"), |shape| matches!(shape, [length] if *length == N))?;
+    flat.try_into().map_err(|_| wrong(format!("{name}: expected {N} numbers")))
+}
+
+/// The numbers of an array-like whose shape is `fitting`, row by row.
+fn numbers(
+    name: &str,
+    values: &Bound<'_, PyAny>,
+    expected: &str,
+    fitting: impl Fn(&[usize]) -> bool,
+) -> PyResult<Vec<f64>> {
+    let py = values.py();
+    let numpy = py.import("numpy")?;
+    let array = numpy.call_method1("asanyarray", (values,)).map_err(|error| {
+        wrong(format!("{name}: {}; expected numbers of shape {expected}", error.value(py)))
+    })?;
+    let untyped = array.cast::<PyUntypedArray>()?;
+    let kind: char = untyped.dtype().getattr("kind")?.extract()?;
+    if !matches!(kind, 'b' | 'i' | 'u' | 'f') {
+        let found = untyped.dtype().str()?;
+        return Err(wrong(format!("{name}: found values of type {found}; expected real numbers")));
+    }
+    if !fitting(untyped.shape()) {
+        let found = array.getattr("shape")?.str()?;
+        return Err(wrong(format!("{name}: found an array of shape {found}; expected {expected}")));
+    }
+    let masked = numpy.getattr("ma")?;
+    let array = if array.is_instance(&masked.getattr("MaskedArray")?)? {
+        masked.call_method1("filled", (array.call_method1("astype", ("f8",))?, f64::NAN))?
+    } else {
+        array
+    };
+    let array = numpy.call_method1("ascontiguousarray", (array, "f8"))?;
+    Ok(array.cast::<PyArrayDyn<f64>>()?.readonly().as_slice()?.to_vec())
+}
+
+/// The array of these numbers.
+pub(crate) fn array1<T: Element>(py: Python<'_>, values: Vec<T>) -> Py<PyArray1<T>> {
+    values.into_pyarray(py).unbind()
+}
+
+/// The array with these rows.
+///
+/// # Errors
+/// Never: every row has `N` numbers.
+pub(crate) fn array2<T: Element, const N: usize>(
+    py: Python<'_>,
+    rows: Vec<[T; N]>,
+) -> PyResult<Py<PyArray2<T>>> {
+    let shape = [rows.len(), N];
+    Ok(rows.into_flattened().into_pyarray(py).reshape(numpy::ndarray::Dim(shape).into_pattern())?.unbind())
+}
+
+/// The exception for an argument that cannot be used.
+pub(crate) fn wrong(message: impl Into<String>) -> PyErr {
+    PyValueError::new_err(message.into())
+}
+
+/// The same for a configuration.
+#[expect(clippy::needless_pass_by_value, reason = "for `map_err`")]
+pub(crate) fn misconfigured(error: ConfigError) -> PyErr {
+    wrong(error.to_string())
+}
