@@ -41,6 +41,7 @@ pub(super) fn run(arguments: &Arguments, session: &Session, mut all: clap::Comma
         output::write(&path, &page)?;
         pages.push(path);
     }
-    session
-        .answer(&Answer { pages }, |it| it.pages.iter().map(|path| format!("{}\n", path.display())).collect())
+    session.answer(&Answer { pages }, |it| {
+        it.pages.iter().fold(String::new(), |text, path| text + &path.display().to_string() + "\n")
+    })
 }
