@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyFloat, PyInt, PyList, PyMapping, PyString, PyTuple};
-use schuler_recording::table::{Columns, TableReader};
+use schuler_recording::table::{Chunks, Columns, TableReader};
 use schuler_recording::{CaseFile, Error, Problem, Recording};
 use toml::Value;
 
@@ -172,7 +172,7 @@ impl TableReader for Arrays {
         &self.names
     }
 
-    fn read(self: Box<Self>, wanted: &[usize]) -> Result<Columns, Error> {
+    fn chunks(self: Box<Self>, wanted: &[usize]) -> Result<Chunks, Error> {
         let rows = self.values.first().map_or(0, Vec::len);
         if rows == 0 {
             let empty = Problem::of_file("found no rows; expected at least two");
@@ -189,6 +189,7 @@ impl TableReader for Arrays {
             columns.values.push(values);
             columns.infinite.push(infinite);
         }
-        Ok(columns)
+        // They are in memory already, so that one chunk is as good as many.
+        Ok(Box::new(std::iter::once(Ok(columns))))
     }
 }
