@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use host_sim::{flight, identify};
+use schuler_explain::explain::{Options, explain};
 use schuler_recording::table::{self, Format};
 use schuler_recording::{CaseFile, Error, Recording};
 use schuler_tests::python::python;
@@ -63,7 +64,7 @@ fn recording(directory: &Path, table: &str) -> Recording {
 /// What identification, explanation and flight make of a recording, every number with all its digits.
 fn answers(recording: &Recording) -> [String; 3] {
     let identified = identify::identify(recording, identify::Options::default(), |_| ());
-    let explained = schuler_explain::explain(recording, &schuler_explain::Options::default());
+    let explained = explain(recording, &Options::default());
     let channels = flight::plan(recording).unwrap_or_else(|problem| panic!("{problem:?}"));
     let json = |it: Result<String, _>| it.expect("an answer is JSON");
     [

@@ -4,12 +4,8 @@ use std::path::{Path, PathBuf};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyFloat, PyInt, PyList, PyMapping, PyString, PyTuple};
-<<<<<<< ours
-use schuler_recording::table::{Chunks, Columns, TableReader};
-=======
 use schuler_recording::document::Lines;
-use schuler_recording::table::{Columns, TableReader};
->>>>>>> theirs
+use schuler_recording::table::{Chunks, Columns, TableReader};
 use schuler_recording::{CaseFile, Error, Problem, Recording};
 use toml::Value;
 
