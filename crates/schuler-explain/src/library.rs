@@ -465,7 +465,8 @@ impl<'b> Builder<'b> {
             with_entry: Vec::new(),
             sketches: Vec::new(),
         };
-        for (place, column) in whitened.projected.places.iter().zip(&whitened.projected.columns) {
+        // Not the places of `projected`, which may be those of an earlier description in which this block was the same.
+        for (place, column) in bench.places[index].iter().zip(&whitened.projected.columns) {
             let (score, with_regressors) = builder.sums_of(column);
             let whitened =
                 if signs.is_empty() { Vec::new() } else { filter.whiten_single(&[column]).concat() };
