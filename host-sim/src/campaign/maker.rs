@@ -40,8 +40,8 @@ pub enum Unmade {
 
 /// Settings tried for an effect before another is drawn.
 const TRIES: usize = 40;
-/// Effects tried for a case.
-const MOST_EFFECTS_TRIED: usize = 60;
+/// Effects tried for a case; of those that a setting distorts, few are what they are called.
+const MOST_EFFECTS_TRIED: usize = 250;
 /// Simulations spent on the size of an effect that is not proportional to it.
 const SEARCHES: usize = 8;
 /// A found gain may be off the wanted one by this factor.
