@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyFloat, PyInt, PyList, PyMapping, PyString, PyTuple};
+use schuler_recording::document::Lines;
 use schuler_recording::table::{Columns, TableReader};
 use schuler_recording::{CaseFile, Error, Problem, Recording};
 use toml::Value;
@@ -98,7 +99,7 @@ fn from_dictionary(case: &Bound<'_, PyAny>, has_arrays: bool) -> PyResult<CaseFi
             *warning = rest.to_owned();
         }
     }
-    file.lines = Default::default();
+    file.lines = Lines::default();
     Ok(file)
 }
 

@@ -249,6 +249,7 @@ fn symmetric(triangle: [f64; 10]) -> [[f64; 4]; 4] {
     [[vv, vd, va, vw], [vd, dd, da, dw], [va, da, aa, aw], [vw, dw, aw, ww]]
 }
 
+#[expect(clippy::large_enum_variant, reason = "there is one, on Python's heap")]
 enum Inner {
     Double(Modelled<f64>),
     Single(Modelled<f32>),

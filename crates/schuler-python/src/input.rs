@@ -90,7 +90,6 @@ pub(crate) fn wrong(message: impl Into<String>) -> PyErr {
 }
 
 /// The same for a configuration.
-#[expect(clippy::needless_pass_by_value, reason = "for `map_err`")]
 pub(crate) fn misconfigured(error: ConfigError) -> PyErr {
     wrong(error.to_string())
 }

@@ -369,7 +369,7 @@ fn code(verdict: Verdict) -> (u8, i8) {
     match verdict {
         Verdict::NoFault => (0, -1),
         Verdict::DetectedNotIsolated => (1, -1),
-        Verdict::Fault(gyro) => (2, gyro as i8),
+        Verdict::Fault(gyro) => (2, gyro.cast_signed()),
         Verdict::BlockUntrusted => (3, -1),
     }
 }
