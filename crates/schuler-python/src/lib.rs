@@ -2,12 +2,12 @@
 //!
 //! | module | gives Python |
 //! | --- | --- |
-//! | [`filter`] | the error filter, step by step or over arrays |
-//! | [`adaptive`] | the flight module's velocity channel, which finds out its noise and retunes |
-//! | [`noise`] | autocorrelation, the published fits, Allan deviation, `identify` |
-//! | [`isolation`] | five gyros: determinants, projector, sequential filter, the isolation that flies |
-//! | [`explain`] | `explain` |
-//! | [`campaign`] | single cases of a campaign, and the summary of many |
+//! | `filter` | the error filter, step by step or over arrays |
+//! | `adaptive` | the flight module's velocity channel, which finds out its noise and retunes |
+//! | `noise` | autocorrelation, the published fits, Allan deviation, `identify` |
+//! | `isolation` | five gyros: determinants, projector, sequential filter, the isolation that flies |
+//! | `explain` | `explain` |
+//! | `campaign` | single cases of a campaign, and the summary of many |
 //!
 //! Everything is in SI units and radians, and NaN is a missing value. What is wrong with an argument is a `ValueError`
 //! with the line that the command would print. Arguments are copied before the interpreter is released, so that
