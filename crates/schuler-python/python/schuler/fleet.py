@@ -280,7 +280,7 @@ class Cluster:
         os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
         ray.init(**options)
         try:
-            resources: dict[str, float] = ray.cluster_resources()  # type: ignore[no-untyped-call]
+            resources: dict[str, float] = ray.cluster_resources()
             yield self.workers or max(1, int(resources.get("CPU", 1)))
         finally:
             ray.shutdown()
