@@ -191,6 +191,10 @@ class Store:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 raise BlockingIOError(f"{self.out}: another fleet is writing here") from None
+            # What a driver was writing when it was killed.
+            for directory in (self.out, self.cases, self.findings):
+                for half in directory.glob(".*.parquet.*"):
+                    half.unlink()
             yield
 
     def is_done(self, job: Job) -> bool:
