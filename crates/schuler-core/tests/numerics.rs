@@ -282,6 +282,33 @@ impl Errors {
     }
 }
 
+/// Minutes without a measurement, when a drift up to a thousand times as large had been believed before: the next measurement
+/// takes nearly all of the variances, and rounding errors are as large as what it leaves.
+#[test]
+fn measurements_after_a_gap_leave_the_covariance_positive_definite() {
+    for (drift, vertical) in [(1.0, 1.0), (30.0, 10.0), (1000.0, 100.0), (1000.0, 1.0)] {
+        let gyro = MarkovNoise { sigma: CHANNEL.gyro.sigma * drift, ..CHANNEL.gyro };
+        let initial_vertical_sigma = CHANNEL.initial_vertical_sigma * vertical;
+        let config = FilterConfig { gyro, initial_vertical_sigma, ..CHANNEL };
+        for gap_s in 1..=600u16 {
+            let mut filter = ErrorFilter::try_build(&config).unwrap();
+            let model = |step_s| CHANNEL.model(&CHANNEL.accelerometer, &CHANNEL.gyro, step_s);
+            filter.retune(model(CHANNEL.step_s), CHANNEL.prior());
+            filter.coast(&model(f32::from(gap_s)));
+            for second in 1..=20 {
+                filter.step(Some(0.0));
+                let [vv, vd, va, vw, dd, da, dw, aa, aw, ww] = filter.state().covariance.map(f64::from);
+                let full = Matrix4::new(vv, vd, va, vw, vd, dd, da, dw, va, da, aa, aw, vw, dw, aw, ww);
+                let scale = Matrix4::from_diagonal(&full.diagonal().map(|variance| 1.0 / variance.sqrt()));
+                assert!(
+                    Cholesky::new(scale * full * scale).is_some(),
+                    "drift times {drift}, vertical times {vertical}, {gap_s} s, {second} s after it: {full}"
+                );
+            }
+        }
+    }
+}
+
 /// Thirty days of the filter, with single gaps and outages of ten minutes.
 fn filter_lines() -> Vec<Line> {
     let config = doubled(&CHANNEL);

@@ -4,6 +4,7 @@
 //! and of what everything else does. So the known part is moved here by itself, taken off the measurement before the filter
 //! sees it and added to the estimate afterwards. That is the filter with a known input, exactly, for every filter that
 //! looks at the measurements, and none of them has to know.
+use crate::number::sine_and_cosine;
 use crate::saved::saved;
 
 /// The known part of velocity error and vertical error.
@@ -27,7 +28,7 @@ impl LoopResponse {
         let (a, w) = (0.5 * (a0 + now[0]), 0.5 * (w0 + now[1]));
         let (radius, gravity) = (f64::from(radius_m), f64::from(gravity));
         let schuler = libm::sqrt(gravity / radius);
-        let (sine, cosine) = (libm::sin(schuler * duration_s), libm::cos(schuler * duration_s));
+        let (sine, cosine) = sine_and_cosine(schuler * duration_s);
         // Where the errors would hold the loop at rest.
         let (velocity_rest, vertical_rest) = (-radius * w, a / gravity);
         let (v, d) = (self.velocity - velocity_rest, self.vertical - vertical_rest);

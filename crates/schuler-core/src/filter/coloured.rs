@@ -12,10 +12,10 @@
 use nalgebra::RealField;
 use serde::{Deserialize, Serialize};
 
-use super::kernel::{Farthest, Innovation, Kernel, Restart, are_finite, at_most};
+use super::kernel::{Farthest, Innovation, Kernel, Restart, are_finite, at_most, certain};
 use super::model::{DOUBLINGS, QUADRATURE, TERMS};
 use super::{FilterConfig, MarkovNoise};
-use crate::number::{real, select};
+use crate::number::{real, select, sine_and_cosine};
 use crate::saved::{Blank, saved};
 
 const STATES: usize = 6;
@@ -85,7 +85,8 @@ impl<T: RealField + Copy> ColouredModel<T> {
         }
         let rotations = sensors.map(|sensor| {
             let decay = (-sensor.alpha * short).exp();
-            [decay * (sensor.beta * short).cos(), decay * (sensor.beta * short).sin()]
+            let (sine, cosine) = sine_and_cosine(sensor.beta * short);
+            [decay * cosine, decay * sine]
         });
         let mut model = Self { loop_rows: rows, rotations, noise };
         for _ in 0..DOUBLINGS {
@@ -237,6 +238,7 @@ impl<T: RealField + Copy> Kernel<T> for ColouredGaussian<T> {
             *x += k * value;
         }
         // Joseph form, as for four states.
+        let uncertain = T::one() - certain::<T>();
         let left = select(used, innovation.noise * inverse, T::one());
         for j in 0..STATES {
             let p = first[j] * left;
@@ -250,6 +252,9 @@ impl<T: RealField + Copy> Kernel<T> for ColouredGaussian<T> {
                 self.covariance[i][j] = p;
                 self.covariance[j][i] = p;
             }
+        }
+        for i in 1..STATES {
+            self.covariance[i][i] += uncertain * gain[i] * first[i];
         }
     }
 

@@ -5,7 +5,7 @@
 use nalgebra::RealField;
 
 use super::DiscreteModel;
-use super::kernel::{Farthest, Innovation, Kernel, Restart, are_finite, at_most};
+use super::kernel::{Farthest, Innovation, Kernel, Restart, are_finite, at_most, certain};
 use crate::number::select;
 use crate::saved::{Blank, saved};
 
@@ -79,7 +79,8 @@ impl<T: RealField + Copy> Kernel<T> for Gaussian<T> {
     }
 
     /// With H = [1 0 0 0] the Joseph form is P − K P₁· + (K S − P·₁) Kᵀ; the bracket is the rounding error of
-    /// the gain, and carrying it is what keeps P symmetric and positive. [FIL-5] [FIL-6]
+    /// the gain, and carrying it is what keeps P symmetric. What `certain` leaves in the variances keeps it positive.
+    /// [FIL-5] [FIL-6]
     #[inline]
     fn correct(&mut self, innovation: &Innovation<T>, used: bool) {
         let s = innovation.variance;
@@ -92,17 +93,18 @@ impl<T: RealField + Copy> Kernel<T> for Gaussian<T> {
         // What is left of the velocity's row: r²/S.
         let left = select(used, innovation.noise * inverse, T::one());
         let [ed, ea, ew] = [kd * s - vd, ka * s - va, kw * s - vw];
+        let certain = certain::<T>();
         self.covariance = [
             vv * left,
             vd * left,
             va * left,
             vw * left,
-            dd + kd * (ed - vd),
+            dd + kd * (ed - certain * vd),
             da + ka * ed - kd * va,
             dw + kw * ed - kd * vw,
-            aa + ka * (ea - va),
+            aa + ka * (ea - certain * va),
             aw + kw * ea - ka * vw,
-            ww + kw * (ew - vw),
+            ww + kw * (ew - certain * vw),
         ];
     }
 

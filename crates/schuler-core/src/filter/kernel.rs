@@ -105,6 +105,16 @@ impl<T: RealField + Copy> Farthest<T> {
     }
 }
 
+/// How much of what a measurement takes from a variance is taken.
+///
+/// P⁻ comes to the correction with rounding errors of a few ε √(p_ii p_jj). Where a measurement takes nearly all of a variance,
+/// as the first one after a gap does, they are as large as what is left, and would make correlations greater than one: so
+/// 32 ε of what is taken stays in each variance. Where little is taken, in the steady state, that is nothing.
+#[inline]
+pub(super) fn certain<T: RealField + Copy>() -> T {
+    T::one() - real::<T>(32.0) * T::default_epsilon()
+}
+
 /// Every number is finite: zero times any other number is none. Fewer instructions than looking at each.
 #[inline]
 pub(super) fn are_finite<'a, T: RealField + Copy>(values: impl Iterator<Item = &'a T>) -> bool {

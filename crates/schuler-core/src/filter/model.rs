@@ -12,7 +12,7 @@
 use nalgebra::RealField;
 
 use super::{FilterConfig, Gaussian, Kernel, MarkovNoise};
-use crate::number::real;
+use crate::number::{real, sine_and_cosine};
 use crate::saved::{Blank, saved};
 
 /// Halvings of the step before the series is summed; the result is composed with itself as often.
@@ -58,7 +58,7 @@ impl<T: RealField + Copy> DiscreteModel<T> {
         // The loop's and the sensors' own terms in closed form: the distances of Φ₁₁, Φ₂₂, Φ₃₃ and Φ₄₄ from one
         // have few digits to lose in single precision.
         let schuler = (gravity / radius_m).sqrt();
-        let (sine, cosine) = ((schuler * step_s).sin(), (schuler * step_s).cos());
+        let (sine, cosine) = sine_and_cosine(schuler * step_s);
         (model.velocity[0], model.vertical[1]) = (cosine, cosine);
         (model.velocity[1], model.vertical[0]) = (-gravity * sine / schuler, sine / (schuler * radius_m));
         let ratios = [step_s / accelerometer.tau_s, step_s / gyro.tau_s];

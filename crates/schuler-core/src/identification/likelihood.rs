@@ -310,7 +310,7 @@ impl LikelihoodIdentifier {
         velocity_error: Option<f32>,
         present: &Gaussian<f32>,
     ) -> Option<Retuned> {
-        self.steps += 1;
+        self.steps = self.steps.saturating_add(1);
         if self.window.push(velocity_error) {
             self.at_sample = present.mean;
         }

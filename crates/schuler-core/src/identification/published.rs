@@ -55,7 +55,7 @@ impl PublishedLoop {
         in_use: &ChannelNoise,
         estimate: &Gaussian<f32>,
     ) -> Option<ChannelNoise> {
-        self.steps += 1;
+        self.steps = self.steps.saturating_add(1);
         if self.steps.is_multiple_of(u64::from(DECIMATION)) {
             self.accelerometer.push(Some(estimate.mean[2]));
             self.gyro.push(Some(estimate.mean[3]));

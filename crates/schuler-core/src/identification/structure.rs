@@ -9,7 +9,7 @@
 
 use nalgebra::RealField;
 
-use crate::number::real;
+use crate::number::{real, sine_and_cosine};
 use crate::saved::{Blank, saved};
 
 /// Correlations below this do not enter the exponential fit. Larger values cost accuracy on long records,
@@ -224,7 +224,8 @@ struct Rotation<T> {
 
 impl<T: RealField + Copy> Rotation<T> {
     fn new(angle: T) -> Self {
-        Self { cosine: T::one(), sine: T::zero(), step: (angle.cos(), angle.sin()) }
+        let (sine, cosine) = sine_and_cosine(angle);
+        Self { cosine: T::one(), sine: T::zero(), step: (cosine, sine) }
     }
 
     fn advance(&mut self) {

@@ -12,29 +12,33 @@
 //! j has failed or is silent.
 //!
 //! In: measurements (for the normalised form divided by their σ). Out: five numbers of the measurements' unit.
-use nalgebra::{RealField, SMatrix, SVector, Vector3};
+use core::array::from_fn;
 
+use nalgebra::{RealField, SVector, Vector3};
+
+use super::orthogonal::elements;
 use super::parity::{GYROS, ParitySpace};
 
 /// Coefficients of the five determinants as linear forms of the measurements.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FiveDeterminants<T> {
     /// Row j holds the signed minors of determinant j; its diagonal is zero.
-    minors: SMatrix<T, GYROS, GYROS>,
+    minors: [[T; GYROS]; GYROS],
 }
 
 impl<T: RealField + Copy> FiveDeterminants<T> {
     /// Forms the ten minors of the axes. `[FDI-3]`
     pub fn new(axes: &[Vector3<T>; GYROS]) -> Self {
-        Self { minors: SMatrix::from_fn(|removed, expanded| signed_minor(axes, removed, expanded)) }
+        Self { minors: from_fn(|removed| from_fn(|expanded| signed_minor(axes, removed, expanded))) }
     }
 
     /// The determinants of whitened measurements, scaled to unit variance for any geometry. `[FDI-3.2]`
     pub fn normalised(space: &ParitySpace<T>) -> Self {
         let (axes, volume) = (space.geometry().axes(), space.geometry().volume());
         Self {
-            minors: SMatrix::from_fn(|removed, expanded| {
-                signed_minor(axes, removed, expanded) / (volume * space.sensitivity_of(removed))
+            minors: from_fn(|removed| {
+                let scale = volume * space.sensitivity_of(removed);
+                from_fn(|expanded| signed_minor(axes, removed, expanded) / scale)
             }),
         }
     }
@@ -42,7 +46,18 @@ impl<T: RealField + Copy> FiveDeterminants<T> {
     /// The five signed determinants of [A y] with one row removed each. Element j does not depend on `y_j`.
     #[inline]
     pub fn of(&self, measurements: &SVector<T, GYROS>) -> SVector<T, GYROS> {
-        self.minors * measurements
+        // Written out: the image does not unroll loops.
+        let [a, b, c, d, e] = elements(*measurements);
+        let determinant = |&[p, q, r, s, t]: &[T; GYROS]| p * a + q * b + r * c + s * d + t * e;
+        let [first, second, third, fourth, fifth] = &self.minors;
+        let determinants = [
+            determinant(first),
+            determinant(second),
+            determinant(third),
+            determinant(fourth),
+            determinant(fifth),
+        ];
+        SVector::from(determinants)
     }
 }
 

@@ -27,10 +27,10 @@ impl<T: RealField + Copy, const N: usize> ThinQr<T, N> {
         };
         let (a, b, c) = (column(|row| row.x), column(|row| row.y), column(|row| row.z));
         let (first, first_norm) = normalised(&a);
-        let (b, [b_first]) = without(b, [&first]);
-        let (second, second_norm) = normalised(&b);
-        let (c, [c_first, c_second]) = without(c, [&first, &second]);
-        let (third, third_norm) = normalised(&c);
+        let (b_first, c_first) = (first.dot(&b), first.dot(&c));
+        let (second, second_norm) = normalised(&without(b, &[first]));
+        let c_second = second.dot(&c);
+        let (third, third_norm) = normalised(&without(c, &[first, second]));
         Self {
             columns: [first, second, third],
             triangle: Matrix3::new(
@@ -53,16 +53,8 @@ impl<T: RealField + Copy, const N: usize> ThinQr<T, N> {
     }
 
     /// The part of a vector that is orthogonal to the columns and to `others`, orthonormal among themselves.
-    pub(super) fn complement<const M: usize>(
-        &self,
-        vector: SVector<T, N>,
-        others: [&SVector<T, N>; M],
-    ) -> SVector<T, N> {
-        let [first, second, third] = &self.columns;
-        let (once, _) = without(vector, [first, second, third]);
-        let (once, _) = without(once, others);
-        let (twice, _) = without(once, [first, second, third]);
-        twice
+    pub(super) fn complement(&self, vector: SVector<T, N>, others: &[SVector<T, N>]) -> SVector<T, N> {
+        without(without(without(vector, &self.columns), others), &self.columns)
     }
 }
 
@@ -79,20 +71,17 @@ pub(super) fn elements<T: RealField + Copy, const N: usize>(vector: SVector<T, N
     elements
 }
 
-/// The vector less its parts along orthonormal directions, and those parts.
-fn without<T: RealField + Copy, const N: usize, const M: usize>(
+/// The vector less its parts along orthonormal directions.
+fn without<T: RealField + Copy, const N: usize>(
     mut vector: SVector<T, N>,
-    directions: [&SVector<T, N>; M],
-) -> (SVector<T, N>, [T; M]) {
-    let mut parts = [T::zero(); M];
+    directions: &[SVector<T, N>],
+) -> SVector<T, N> {
     for _ in 0..2 {
-        for (direction, part) in directions.iter().zip(&mut parts) {
-            let along = direction.dot(&vector);
-            vector -= *direction * along;
-            *part += along;
+        for direction in directions {
+            vector -= direction * direction.dot(&vector);
         }
     }
-    (vector, parts)
+    vector
 }
 
 /// A vector of length one and the length it had; zeros for no length.

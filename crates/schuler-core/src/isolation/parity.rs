@@ -36,8 +36,8 @@ impl<T: RealField + Copy> ParitySpace<T> {
         let geometry = BlockGeometry::try_build(axes, sigma)?;
         let qr = ThinQr::new(geometry.axes());
         // The guards leave every gyro a part in the complement, and the parts of no two along one line.
-        let (first, _) = normalised(&qr.complement(SVector::ith(0, T::one()), []));
-        let (second, _) = normalised(&qr.complement(SVector::ith(1, T::one()), [&first]));
+        let (first, _) = normalised(&qr.complement(SVector::ith(0, T::one()), &[]));
+        let (second, _) = normalised(&qr.complement(SVector::ith(1, T::one()), &[first]));
         let mut lines = [Vector2::zeros(); GYROS];
         for (line, (&x, &y)) in lines.iter_mut().zip(first.iter().zip(&second)) {
             *line = Vector2::new(x, y);

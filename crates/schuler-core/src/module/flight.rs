@@ -241,7 +241,7 @@ impl Parts {
 impl Running {
     #[inline(never)]
     fn step(&mut self, identifier: &mut Identifier, parts: &mut Parts, input: &StepInput) -> StepOutput {
-        self.steps += 1;
+        self.steps = self.steps.saturating_add(1);
         let config = &self.config;
         let mut status = core::mem::replace(&mut self.news, Status::empty());
 

@@ -341,7 +341,7 @@ impl<F: Scalar> Running<F> {
 
         // What a reading says by itself: the middle of its interval.
         let middle = level + config.middle();
-        let missed = (self.fit.at(now_ms).temperature - middle).abs() > q;
+        let missed = self.fit.above(middle, now_ms).abs() > q;
         self.misses = select(missed, self.misses.saturating_add(1), 0);
 
         let newest = window.newest();

@@ -31,8 +31,10 @@ pub struct Model<F> {
 pub struct Fit<F> {
     model: Model<F>,
     origin_ms: u64,
-    /// Value at the origin, `z_r` + x0, degC.
-    level: F,
+    /// `z_r`, degC: kept apart, so that what is measured from it is rounded alike at every temperature.
+    reference: F,
+    /// x0, degC.
+    offset: F,
     /// x1, degC.
     slope: F,
     /// x2, degC.
@@ -66,7 +68,8 @@ impl<F: Scalar> Fit<F> {
         Self {
             model: Model { time_constant: one, sigma: zero },
             origin_ms,
-            level,
+            reference: level,
+            offset: zero,
             slope: zero,
             curvature: zero,
             mean_s: zero,
@@ -129,7 +132,8 @@ impl<F: Scalar> Fit<F> {
         Self {
             model,
             origin_ms: newest.time_ms,
-            level: newest.value + (mean_z - slope * mean_s - curvature * mean_b2),
+            reference: newest.value,
+            offset: mean_z - slope * mean_s - curvature * mean_b2,
             slope,
             curvature,
             mean_s,
@@ -139,6 +143,18 @@ impl<F: Scalar> Fit<F> {
             shear,
             inverse_count,
         }
+    }
+
+    /// How far the model lies above `value` (degC) at `time_ms`: the same to the last bit at every temperature, when
+    /// `value` lies on the grid of the thermometer.
+    pub fn above(&self, value: F, time_ms: u64) -> F {
+        let s = seconds_between::<F>(self.origin_ms, time_ms) / self.model.time_constant;
+        (self.reference - value) + self.above_reference(s, exponential_remainder(-s))
+    }
+
+    /// `x0 + x1·s + x2·b2`, degC [TMP-3].
+    fn above_reference(&self, s: F, b2: F) -> F {
+        self.offset + (self.slope * s + self.curvature * b2)
     }
 
     /// Temperature and rate at `time_ms` [TMP-3] with their sigmas `|R^-T b|` [TMP-7].
@@ -155,7 +171,7 @@ impl<F: Scalar> Fit<F> {
         let d1 = F::one() / self.r_slope;
         let d2 = (rise - self.shear) / self.r_curvature;
         Estimate {
-            temperature: self.level + (self.slope * s + self.curvature * b2),
+            temperature: self.reference + self.above_reference(s, b2),
             rate: (self.slope + self.curvature * rise) / tp,
             temperature_sigma: self.model.sigma * (self.inverse_count + t1 * t1 + t2 * t2).sqrt(),
             rate_sigma: self.model.sigma * (d1 * d1 + d2 * d2).sqrt() / tp,
@@ -183,7 +199,8 @@ saved!([F: Blank] Model<F> { time_constant, sigma });
 saved!([F: Blank] Fit<F> {
     model,
     origin_ms,
-    level,
+    reference,
+    offset,
     slope,
     curvature,
     mean_s,
