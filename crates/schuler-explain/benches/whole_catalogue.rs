@@ -53,8 +53,10 @@ fn write(days: usize, hidden: usize) -> PathBuf {
     let temperature = of_time(&|t| {
         30.0 + swing(5.0, 24.0 * HOUR_S, t) + swing(1.0, 1.7 * HOUR_S, t) + swing(0.5, 0.6 * HOUR_S, t)
     });
-    let temperature_rate: Vec<f64> =
-        temperature.windows(2).map(|pair| HOUR_S * (pair[1] - pair[0])).collect();
+    let last = rows - 1;
+    let temperature_rate: Vec<f64> = (0..rows)
+        .map(|row| HOUR_S * (temperature[(row + 1).min(last)] - temperature[row.min(last - 1)]))
+        .collect();
     let voltage = markov(&mut random, rows, 900.0);
     let mut columns: Vec<(String, Vec<f64>)> = vec![("t".to_owned(), time.clone())];
     let mut case = format!(
@@ -70,7 +72,7 @@ fn write(days: usize, hidden: usize) -> PathBuf {
         let of_voltage = if axis == 1 { with(2, 0.02) } else { 0.0 };
         let colour = markov(&mut random, rows, 600.0);
         let gyro = (0..rows).map(|row| {
-            let hidden = of_rate * temperature_rate.get(row).copied().unwrap_or_default();
+            let hidden = of_rate * temperature_rate[row];
             let hidden = hidden + of_voltage * voltage[row];
             rate[row] + DEGREE_PER_HOUR * (hidden + 0.05 * colour[row] + 0.02 * normal(&mut random))
         });

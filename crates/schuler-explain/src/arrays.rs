@@ -32,7 +32,7 @@ pub fn arrays(case: &Case<'_>, before: &State, after: &State, findings: &[Findin
         let mut data = block.data.clone();
         for (column, amplitude) in case.model.constants.iter().zip(&amplitudes) {
             if let Some(values) = block.project(column, Port::Output) {
-                data.iter_mut().zip(values).for_each(|(data, value)| *data -= amplitude * value);
+                data.iter_mut().zip(&*values).for_each(|(data, value)| *data -= amplitude * value);
             }
         }
         let whitened = |bench: &Bench<'_>| {
@@ -92,7 +92,7 @@ fn added(block: &Block, term: &Term, amplitudes: &[f64]) -> Option<Vec<f64>> {
         let amplitude =
             if term.unit_amplitude { 1.0 } else { amplitudes.get(place).copied().unwrap_or_default() };
         let sum = sum.get_or_insert_with(|| vec![0.0; values.len()]);
-        sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += amplitude * value);
+        sum.iter_mut().zip(&*values).for_each(|(sum, value)| *sum += amplitude * value);
     }
     sum
 }

@@ -7,7 +7,6 @@ use nalgebra::{DMatrix, DVector};
 use crate::catalogue::{Candidate, Column, OnsetShape, Port, Search};
 use crate::inputs::series::delayed;
 use crate::least_squares::{Solution, dot, solve};
-use crate::noise::Noise;
 use crate::nominal::Model;
 use crate::whiten::Filter;
 
@@ -179,13 +178,6 @@ pub struct Filters {
     pub of_block: Vec<Option<Arc<Filter>>>,
 }
 
-impl Filters {
-    /// The filters of `model` under `noises`.
-    pub fn new(model: &Model, noises: &[Noise]) -> Self {
-        Self { of_block: model.blocks.iter().map(|block| block.filter(noises).map(Arc::new)).collect() }
-    }
-}
-
 /// Likelihood of a description with all amplitudes at their best.
 #[derive(Clone, Debug)]
 pub struct Evaluation {
@@ -193,15 +185,6 @@ pub struct Evaluation {
     pub log_likelihood: f64,
     /// Amplitudes: constants first, then the terms' in order.
     pub solution: Solution,
-    /// Number of constants before the terms' amplitudes.
-    pub constants: usize,
-}
-
-impl Evaluation {
-    /// Where the amplitudes of the `index`-th of `terms` begin.
-    pub fn first_amplitude(&self, terms: &[Term], index: usize) -> usize {
-        self.constants + terms.iter().take(index).map(Term::amplitudes).sum::<usize>()
-    }
 }
 
 /// Places of the regressors of a block among all amplitudes, as [`Projected::places`].
@@ -240,7 +223,7 @@ pub fn project(model: &Model, block: usize, terms: &[Term]) -> Projected {
     for (place, column) in model.constants.iter().enumerate() {
         if let Some(values) = block.project(column, Port::Output) {
             projected.places.push(place);
-            projected.columns.push(values);
+            projected.columns.push(values.into_owned());
         }
     }
     let mut place = model.constants.len();
@@ -250,10 +233,10 @@ pub fn project(model: &Model, block: usize, terms: &[Term]) -> Projected {
             let column = delays.late(model, term.of_the_motion, column);
             if let Some(values) = block.project(&column, term.port) {
                 if term.unit_amplitude {
-                    projected.data.iter_mut().zip(&values).for_each(|(data, value)| *data -= value);
+                    projected.data.iter_mut().zip(&*values).for_each(|(data, value)| *data -= value);
                 } else {
                     projected.places.push(place);
-                    projected.columns.push(values);
+                    projected.columns.push(values.into_owned());
                 }
             }
             place += usize::from(!term.unit_amplitude);
@@ -314,8 +297,7 @@ impl Sums {
 
 /// The likelihood of `terms` under `filters` over the given blocks; `None` where a filter is singular.
 pub fn evaluate(model: &Model, filters: &Filters, terms: &[Term], blocks: &[usize]) -> Option<Evaluation> {
-    let constants = model.constants.len();
-    let size = constants + terms.iter().map(Term::amplitudes).sum::<usize>();
+    let size = model.constants.len() + terms.iter().map(Term::amplitudes).sum::<usize>();
     let mut normal = DMatrix::zeros(size, size);
     let mut scores = DVector::zeros(size);
     let mut log_likelihood = 0.0;
@@ -333,10 +315,11 @@ pub fn evaluate(model: &Model, filters: &Filters, terms: &[Term], blocks: &[usiz
     }
     let solution = solve_or_none(&normal, &scores);
     log_likelihood += solution.gain;
-    log_likelihood.is_finite().then_some(Evaluation { log_likelihood, solution, constants })
+    log_likelihood.is_finite().then_some(Evaluation { log_likelihood, solution })
 }
 
-fn solve_or_none(normal: &DMatrix<f64>, scores: &DVector<f64>) -> Solution {
+/// The solution of the normal equations; of none without regressors.
+pub(crate) fn solve_or_none(normal: &DMatrix<f64>, scores: &DVector<f64>) -> Solution {
     if scores.is_empty() {
         Solution { gain: 0.0, amplitudes: DVector::zeros(0), covariance: DMatrix::zeros(0, 0), rank: 0 }
     } else {

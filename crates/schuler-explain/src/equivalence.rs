@@ -7,7 +7,7 @@
 use std::collections::HashSet;
 
 use crate::arrays::AT_MEAN;
-use crate::catalogue::{Candidate, Search};
+use crate::catalogue::{Candidate, Column, Port, Search};
 use crate::description::{Term, blocks_of};
 use crate::explanation::Rival;
 use crate::noise_change::ChangeFit;
@@ -60,12 +60,13 @@ pub fn target_name(model: &Model, candidate: &Candidate) -> String {
 }
 
 /// All ways to describe what `item` describes that are within the class's distance of the best or the same function, what
-/// leads first.
+/// leads first; `ln_level` is that of the family-wise probability of a finding.
 pub fn alternatives(
     case: &Case<'_>,
     state: &State,
     item: Item,
     family: &Family,
+    ln_level: f64,
 ) -> (Vec<Alternative>, State) {
     let model = case.model;
     let blocks = match item {
@@ -104,7 +105,7 @@ pub fn alternatives(
             simpler: false,
         });
     }
-    for (candidate, fit) in bench.noise_changes(&less, &blocks) {
+    for (candidate, fit) in bench.noise_changes(&less, &blocks, &|_| true) {
         if blocks.iter().any(|&block| model.blocks[block].sources.contains(&fit.source)) {
             let price = Price { freedom: fit.freedom, ln_places: fit.ln_places };
             let (mut gain, mut evidence_here) = (fit.gain, -fit.ln_p);
@@ -135,6 +136,7 @@ pub fn alternatives(
         behind < CLASS_NATS || (behind < PRICED_NATS && other.gain > best.gain - CLASS_NATS)
     });
     prefer_simpler(case, &mut found);
+    prefer_part(case, family, ln_level, &mut found);
     prefer_instrument(case, &mut found);
     (found, less)
 }
@@ -175,6 +177,32 @@ fn prefer_simpler(case: &Case<'_>, found: &mut [Alternative]) {
         found[place].simpler = true;
         found[..=place].rotate_right(1);
     }
+}
+
+/// What multiplies a quantity whose reference is free holds another effect as a part: a dependence on temperature a constant,
+/// one of the scale factor on temperature the scale factor. The part leads unless what the whole adds to it would itself be
+/// significant: it would not be found beside the part.
+fn prefer_part(case: &Case<'_>, family: &Family, ln_level: f64, found: &mut [Alternative]) {
+    let Some((best, others)) = found.split_first() else { return };
+    let Some(part) = best.term.as_ref().and_then(|whole| part_at_mean(case, whole)) else { return };
+    let is_part = |other: &Alternative| {
+        let columns = other.term.as_ref().filter(|term| term.nonlinear.is_empty() && !term.unit_amplitude);
+        columns.is_some_and(|term| *term.columns == [part.clone()])
+    };
+    let Some(place) = others.iter().position(is_part) else { return };
+    let adds = best.gain - others[place].gain;
+    let freedom = best.price.freedom.saturating_sub(others[place].price.freedom).max(1);
+    let candidate = &case.candidates[best.candidate];
+    if family.ln_p(candidate, evidence(adds, freedom, best.price.ln_places)) > ln_level {
+        found[place + 1].simpler = true;
+        found[..=place + 1].rotate_right(1);
+    }
+}
+
+/// The column of a term that another reference adds to it.
+fn part_at_mean<'t>(case: &Case<'_>, whole: &'t Term) -> Option<&'t Column> {
+    let amplitudes = &case.candidates[whole.candidate].amplitudes;
+    whole.columns.get(amplitudes.iter().position(|amplitude| amplitude.name == AT_MEAN)?)
 }
 
 /// What one sensor shows and its whole instrument explains as well is of the instrument: a mounting, a clock.
@@ -223,7 +251,16 @@ pub fn class(case: &Case<'_>, bench: &Bench<'_>, alternatives: &[Alternative]) -
     (class, rivals)
 }
 
+/// What tells an error of the loop's accelerometer from one of its gyro: the loop turns the platform until its velocity no longer
+/// grows, so that an accelerometer's error a is the same as a tilt at the start and a gyro's drift ȧ/g.
+const ACROSS_THE_LOOP: &str = "measure the platform's tilt from outside: an accelerometer's error a tilts it by a/g, a gyro's drift \
+    ȧ/g that gives the same velocity does not; no profile of the temperature tells the two apart";
+
 fn separated_by(own: &Candidate, other: &Candidate) -> String {
+    let inertial = |port: Port| matches!(port, Port::Accelerometer | Port::Gyro);
+    if inertial(own.port) && inertial(other.port) && own.port != other.port {
+        return ACROSS_THE_LOOP.to_owned();
+    }
     if matches!(other.search, Search::Noise(_)) && !matches!(own.search, Search::Noise(_)) {
         return own.effect.separated_by.to_owned();
     }

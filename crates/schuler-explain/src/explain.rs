@@ -83,13 +83,9 @@ pub enum Error {
 /// # Errors
 /// What in the recording or the case leaves nothing to explain.
 pub fn explain(recording: &Recording, options: &Options) -> Result<Explanation, Error> {
-    if recording.len() < FEWEST_ROWS {
-        return Err(Error::TooShort { rows: recording.len(), least: FEWEST_ROWS });
-    }
+    long_enough(recording)?;
     let inputs = Inputs::new(recording);
-    let candidates: Vec<Candidate> =
-        CATALOGUE.par_iter().flat_map_iter(|effect| (effect.candidates)(effect, &inputs)).collect();
-    explain_with(&inputs, candidates, options)
+    explain_with(&inputs, candidates(&inputs), options)
 }
 
 /// Explains a recording by given candidates.
@@ -104,7 +100,8 @@ pub fn explain_with(
     explained(inputs, candidates, options, &Unwatched, |_, _, _| ()).map(|(explanation, ())| explanation)
 }
 
-/// As [`explain_shown`], watched: it tells how far it has come, and ends with [`Error::Cancelled`] when it is told to.
+/// As [`explain`], with the arrays that show it, and watched: it tells how far it has come, and ends with
+/// [`Error::Cancelled`] when it is told to.
 ///
 /// # Errors
 /// As [`explain`], and [`Error::Cancelled`].
@@ -113,15 +110,12 @@ pub fn explain_watched(
     options: &Options,
     watch: &dyn Watch,
 ) -> Result<(Explanation, CaseArrays), Error> {
-    if recording.len() < FEWEST_ROWS {
-        return Err(Error::TooShort { rows: recording.len(), least: FEWEST_ROWS });
-    }
+    long_enough(recording)?;
     watch.progress(Phase::Prepare, 0.0);
     let inputs = Inputs::new(recording);
     unless_cancelled(watch)?;
     watch.progress(Phase::Prepare, 0.3);
-    let candidates: Vec<Candidate> =
-        CATALOGUE.par_iter().flat_map_iter(|effect| (effect.candidates)(effect, &inputs)).collect();
+    let candidates = candidates(&inputs);
     unless_cancelled(watch)?;
     explained(&inputs, candidates, options, watch, |case, selection, findings| {
         arrays(case, &selection.null, &selection.state, findings)
@@ -132,12 +126,15 @@ fn unless_cancelled(watch: &dyn Watch) -> Result<(), Error> {
     if watch.is_cancelled() { Err(Error::Cancelled) } else { Ok(()) }
 }
 
-/// As [`explain`], with the arrays that show it.
-///
-/// # Errors
-/// As [`explain`].
-pub fn explain_shown(recording: &Recording, options: &Options) -> Result<(Explanation, CaseArrays), Error> {
-    explain_watched(recording, options, &Unwatched)
+/// The inputs of a case need a recording of some length.
+fn long_enough(recording: &Recording) -> Result<(), Error> {
+    let (rows, least) = (recording.len(), FEWEST_ROWS);
+    if rows < least { Err(Error::TooShort { rows, least }) } else { Ok(()) }
+}
+
+/// What the whole catalogue gives in a case.
+fn candidates(inputs: &Inputs<'_>) -> Vec<Candidate> {
+    CATALOGUE.par_iter().flat_map_iter(|effect| (effect.candidates)(effect, inputs)).collect()
 }
 
 /// The explanation, and what `show` makes of the selection behind it.
@@ -149,9 +146,7 @@ fn explained<S>(
     show: impl FnOnce(&Case<'_>, &Selection<'_>, &[Finding]) -> S,
 ) -> Result<(Explanation, S), Error> {
     let recording = inputs.recording;
-    if recording.len() < FEWEST_ROWS {
-        return Err(Error::TooShort { rows: recording.len(), least: FEWEST_ROWS });
-    }
+    long_enough(recording)?;
     if !(options.level > 0.0 && options.level < 1.0) {
         return Err(Error::Level(options.level.to_string()));
     }
@@ -334,13 +329,15 @@ fn of_readings(
         let at = |row: usize| case.time_s.get(row).copied().unwrap_or_default();
         let parameters: Vec<Parameter> = (fault.parameters.iter())
             .map(|&(name, value, in_unit)| {
-                let (value, unit) = match name {
-                    "onset_s" => (at(value as usize), "s"),
-                    _ if in_unit => (value / unit.in_si(), unit.name()),
-                    _ => (value, "1"),
+                let step_s = case.model.step_s;
+                let (value, sigma, unit) = match name {
+                    // Somewhere in the step after the last reading that was live: uniform over it.
+                    "onset_s" => (at(value as usize) + 0.5 * step_s, Some(step_s / 12.0_f64.sqrt()), "s"),
+                    _ if in_unit => (value / unit.in_si(), None, unit.name()),
+                    _ => (value, None, "1"),
                 };
                 let (value, unit) = (Some(value), Some(unit.to_owned()));
-                Parameter { name: name.to_owned(), value, sigma: None, unit, text: None, plausible: None }
+                Parameter { name: name.to_owned(), value, sigma, unit, text: None, plausible: None }
             })
             .collect();
         let interval_s = [at(fault.rows.0), at(fault.rows.1.saturating_sub(1)) + case.model.step_s];
@@ -448,7 +445,7 @@ fn findings<'c>(case: &'c Case<'c>, selection: &mut Selection<'c>, ln_level: f64
         if case.watch.is_cancelled() {
             return Vec::new();
         }
-        let (ways, less) = alternatives(case, &selection.state, item, &selection.family);
+        let (ways, less) = alternatives(case, &selection.state, item, &selection.family, ln_level);
         match (item, ways.first()) {
             (Item::Term(place), Some(Alternative { term: Some(term), evidence, simpler, .. }))
                 if *evidence > shown.evidence
@@ -484,17 +481,15 @@ fn findings<'c>(case: &'c Case<'c>, selection: &mut Selection<'c>, ln_level: f64
     }
     let alone = found.len() == 1;
     loop {
-        let built: Vec<(Finding, f64)> = found
-            .par_iter()
-            .map(|found| {
-                let (shown, less) = shown_now(case, selection, found, alone);
-                (finding(case, selection, found, &less, shown), shown.ln_p)
-            })
-            .collect();
+        let shown: Vec<(Shown, State)> =
+            found.par_iter().map(|found| shown_now(case, selection, found, alone)).collect();
         // What entered early may show nothing beside what came later.
-        let weakest = (0..built.len()).max_by(|&a, &b| built[a].1.total_cmp(&built[b].1));
-        let Some(weakest) = weakest.filter(|&weakest| built[weakest].1 > ln_level) else {
-            let mut findings: Vec<Finding> = built.into_iter().map(|(finding, _)| finding).collect();
+        let ln_p = |place: usize| shown[place].0.ln_p;
+        let weakest = (0..shown.len()).max_by(|&a, &b| ln_p(a).total_cmp(&ln_p(b)));
+        let Some(weakest) = weakest.filter(|&weakest| ln_p(weakest) > ln_level) else {
+            let mut findings: Vec<Finding> = (found.par_iter().zip(shown))
+                .map(|(found, (shown, less))| finding(case, selection, found, &less, shown))
+                .collect();
             findings.sort_by(|a, b| b.evidence.gain_nats.total_cmp(&a.evidence.gain_nats));
             return findings;
         };

@@ -6,7 +6,7 @@
 //! the noise is what the user believes: noise that is fitted swallows what was left out, and would hide the gain.
 use rayon::prelude::*;
 
-use crate::description::{Term, project};
+use crate::description::{Term, remainder};
 use crate::explanation::{BeforeAfter, Fit, Goodness};
 use crate::noise::Noise;
 use crate::nominal::Model;
@@ -162,13 +162,8 @@ fn judge(
     for (index, block) in model.blocks.iter().enumerate() {
         let Some(filter) = block.filter(&state.noises) else { continue };
         let reference = block.filter(nominal);
-        let projected = project(model, index, &state.terms);
-        let mut data = projected.data;
-        for (place, column) in projected.places.iter().zip(&projected.columns) {
-            let amplitude = amplitudes.get(*place).copied().unwrap_or_default();
-            data.iter_mut().zip(column).for_each(|(data, value)| *data -= amplitude * value);
-        }
-        let whitened = filter.whiten(&[&data]).swap_remove(0);
+        let left = remainder(model, index, &state.terms, amplitudes);
+        let whitened = filter.whiten(&[&left]).swap_remove(0);
         let (rows, channels) = (block.rows(), block.channels);
         let mut series = [vec![f64::NAN; rows], vec![f64::NAN; rows]];
         for (row, part) in parts.iter().enumerate() {

@@ -131,7 +131,7 @@ impl Place {
         let decoder = Decoder {
             filter: &whitened.filter,
             remainder: &whitened.remainder,
-            shape: block.project(&unit, Port::Output)?,
+            shape: block.project(&unit, Port::Output)?.into_owned(),
             centred: !whitened.projected.places.is_empty(),
             weights: whitened.filter.weight_of_states(),
             channels: block.channels,

@@ -12,7 +12,7 @@ use std::borrow::Cow;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use nalgebra::{DMatrix, DVector};
 use rand::{Rng, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
@@ -44,6 +44,8 @@ const SEEN_COMBINATION: f64 = 1e-5;
 const JITTER: f64 = 1e-5;
 /// Records drawn for the null distribution.
 const DRAWS: usize = 600;
+/// Records that are drawn in one product of matrices.
+const DRAWN_TOGETHER: usize = 25;
 /// Order statistic beyond which the tail is taken as exponential.
 const TAIL_DRAWS: usize = 20;
 /// Seed of the draws.
@@ -97,10 +99,41 @@ struct Prepared {
     inverse: DMatrix<f64>,
 }
 
-/// How joint scores of a block's columns are drawn: by the root of their correlations, or by their sketches.
+/// How joint scores of unit variance come from independent normals.
 enum Root<'s> {
-    Correlations(Option<Cholesky<f64, Dyn>>),
+    /// They are independent.
+    Independent,
+    /// By Cholesky's root of their correlations.
+    Correlations(DMatrix<f64>),
+    /// By the sketches of their columns.
     Sketches(&'s [Vec<f32>]),
+}
+
+impl Root<'_> {
+    /// Scores, one column a draw, each from a source of its own.
+    fn draw(&self, size: usize, random: &mut [Pcg64]) -> DMatrix<f64> {
+        match self {
+            Self::Independent => normals(size, random),
+            Self::Correlations(root) => root * normals(size, random),
+            Self::Sketches(sketches) => {
+                let normal = |random: &mut Pcg64| -> Vec<f32> {
+                    (0..sketches.first().map_or(0, Vec::len)).map(|_| StandardNormal.sample(random)).collect()
+                };
+                let independent: Vec<Vec<f32>> = random.iter_mut().map(normal).collect();
+                let of = |sketch: &Vec<f32>| -> Vec<f64> {
+                    independent.iter().map(|normals| tiled_dot(sketch, normals)).collect()
+                };
+                DMatrix::from_row_iterator(size, independent.len(), sketches.iter().flat_map(of))
+            }
+        }
+    }
+}
+
+/// Independent normals, one column for each source.
+fn normals(rows: usize, random: &mut [Pcg64]) -> DMatrix<f64> {
+    let columns = random.len();
+    let values = random.iter_mut().flat_map(|random| (0..rows).map(|_| StandardNormal.sample(random)));
+    DMatrix::from_iterator(rows, columns, values)
 }
 
 /// What an entry gains.
@@ -168,30 +201,25 @@ impl Library {
             .filter_map(|index| {
                 let mut builder = Builder::new(bench, index, &delays, &signs)?;
                 // What acts on this block alone; what acts on several is made once for all.
-                for (number, entry) in entries.iter().enumerate() {
-                    if blocks_of[number] == [index] {
-                        let signature = signature(model, &delays, candidates, entry);
-                        builder.add(entry, &candidates[entry.candidate], &signature);
-                    }
+                let own: Vec<&Entry> = (entries.iter().zip(&blocks_of))
+                    .filter_map(|(entry, blocks)| (*blocks == [index]).then_some(entry))
+                    .collect();
+                let at_once = (BATCH * rayon::current_num_threads()).max(1);
+                for entries in batches(&own, at_once) {
+                    let signatures = entries.iter().map(|entry| signature(model, &delays, candidates, entry));
+                    builder.take(entries, candidates, &signatures.collect::<Vec<_>>());
                 }
-                builder.reduce();
                 Some(builder)
             })
             .collect();
-        let shared: Vec<usize> = (0..entries.len()).filter(|&number| blocks_of[number].len() > 1).collect();
+        let shared: Vec<&Entry> = (entries.iter().zip(&blocks_of))
+            .filter_map(|(entry, blocks)| (blocks.len() > 1).then_some(entry))
+            .collect();
         let together = (SHARED_VALUES / (longest * model.blocks.len()).max(1)).clamp(2, 4 * BATCH);
-        for numbers in shared.chunks(together) {
-            let signatures: Vec<Cow<'_, Signature>> = numbers
-                .par_iter()
-                .map(|&number| signature(model, &delays, candidates, &entries[number]))
-                .collect();
-            builders.par_iter_mut().for_each(|builder| {
-                for (&number, signature) in numbers.iter().zip(&signatures) {
-                    let entry = &entries[number];
-                    builder.add(entry, &candidates[entry.candidate], signature);
-                }
-                builder.reduce();
-            });
+        for entries in shared.chunks(together) {
+            let signatures: Vec<Cow<'_, Signature>> =
+                entries.par_iter().map(|entry| signature(model, &delays, candidates, entry)).collect();
+            builders.par_iter_mut().for_each(|builder| builder.take(entries, candidates, &signatures));
         }
         let blocks = builders.into_iter().map(|builder| builder.finish(first)).collect();
         let mut library = Self { entries, regressors, blocks, prepared: Vec::new() };
@@ -278,34 +306,35 @@ impl Library {
     /// standard normals, and the scores jointly normal with the columns' normal matrix.
     pub fn null_distribution(&self, candidates: usize) -> NullDistribution {
         let roots: Vec<Root<'_>> = self.blocks.par_iter().map(BlockSums::root).collect();
-        let drawn: Vec<Vec<f64>> = (0..DRAWS)
+        let drawn: Vec<Vec<f64>> = (0..DRAWS.div_ceil(DRAWN_TOGETHER))
             .into_par_iter()
-            .map(|draw| {
-                let mut random = Pcg64::seed_from_u64(SEED + draw as u64);
-                let scores: Vec<DVector<f64>> = (roots.iter().zip(&self.blocks))
+            .flat_map_iter(|batch| {
+                let first = batch * DRAWN_TOGETHER;
+                let mut random: Vec<Pcg64> = (first..DRAWS.min(first + DRAWN_TOGETHER))
+                    .map(|draw| Pcg64::seed_from_u64(SEED + draw as u64))
+                    .collect();
+                let scores: Vec<DMatrix<f64>> = (roots.iter().zip(&self.blocks))
                     .map(|(root, block)| {
-                        let size = block.scores.len();
-                        let joint = match root {
-                            Root::Sketches(sketches) => draw_of_sketches(sketches, &mut random),
-                            Root::Correlations(root) => {
-                                let independent =
-                                    DVector::from_fn(size, |_, _| StandardNormal.sample(&mut random));
-                                match root {
-                                    Some(root) => root.l_dirty().lower_triangle() * independent,
-                                    None => independent,
-                                }
-                            }
-                        };
-                        DVector::from_fn(size, |i, _| joint[i] * block.product(i, i).max(0.0).sqrt())
+                        let mut joint = root.draw(block.scores.len(), &mut random);
+                        for (i, mut row) in joint.row_iter_mut().enumerate() {
+                            row *= block.product(i, i).max(0.0).sqrt();
+                        }
+                        joint
                     })
                     .collect();
-                let views: Vec<&DVector<f64>> = scores.iter().collect();
-                let mut least = vec![0.0_f64; candidates];
-                for (entry, gain) in self.entries.iter().zip(self.gains_of(&views, true)) {
-                    let evidence = -ln_chi_squared_tail(2.0 * gain.gain, gain.freedom);
-                    least[entry.candidate] = least[entry.candidate].max(evidence);
-                }
-                least
+                (0..random.len())
+                    .map(|draw| {
+                        let own: Vec<DVector<f64>> =
+                            scores.iter().map(|scores| scores.column(draw).into_owned()).collect();
+                        let views: Vec<&DVector<f64>> = own.iter().collect();
+                        let mut least = vec![0.0_f64; candidates];
+                        for (entry, gain) in self.entries.iter().zip(self.gains_of(&views, true)) {
+                            let evidence = -ln_chi_squared_tail(2.0 * gain.gain, gain.freedom);
+                            least[entry.candidate] = least[entry.candidate].max(evidence);
+                        }
+                        least
+                    })
+                    .collect::<Vec<_>>()
             })
             .collect();
         let ln_places: Vec<f64> = (0..candidates)
@@ -402,18 +431,11 @@ fn sketch(column: &[f32], signs: &[f32]) -> Vec<f32> {
     sketch
 }
 
-/// Joint scores of unit variance that are correlated as the sketches are.
-fn draw_of_sketches(sketches: &[Vec<f32>], random: &mut Pcg64) -> DVector<f64> {
-    let length = sketches.first().map_or(0, Vec::len);
-    let independent: Vec<f32> = (0..length).map(|_| StandardNormal.sample(random)).collect();
-    DVector::from_iterator(sketches.len(), sketches.iter().map(|sketch| tiled_dot(sketch, &independent)))
-}
-
 /// Products of each of the whitened columns of an entry with those up to itself.
 type OfEntry = Vec<Vec<f64>>;
 
 /// Columns of an entry that reach a block, by their places in the library.
-type Reached = Vec<(usize, Vec<f64>)>;
+type Reached<'s> = Vec<(usize, Cow<'s, [f64]>)>;
 
 /// Sums of products of the whitened columns of entries among themselves, by candidate and number of the point.
 #[derive(Debug, Default)]
@@ -425,7 +447,18 @@ impl Products {
     }
 }
 
-/// Takes the columns of a block in, one entry after the other.
+/// Entries in runs of at least `columns` columns, but for the last.
+fn batches<'e, 'l>(entries: &'e [&'l Entry], columns: usize) -> impl Iterator<Item = &'e [&'l Entry]> {
+    let mut number = 0;
+    entries.split_inclusive(move |entry| {
+        number += entry.columns;
+        let full = number >= columns;
+        number = if full { 0 } else { number };
+        full
+    })
+}
+
+/// Takes the columns of a block in, some entries after the others.
 struct Builder<'b> {
     block: &'b Block,
     filter: &'b Filter,
@@ -434,8 +467,6 @@ struct Builder<'b> {
     data: Vec<f64>,
     regressors: Vec<Vec<f64>>,
     products: Arc<Products>,
-    /// Entries that are not reduced yet.
-    waiting: Vec<(&'b Entry, Reached)>,
     ids: Vec<usize>,
     scores: Vec<f64>,
     with_regressors: Vec<Vec<f64>>,
@@ -458,7 +489,6 @@ impl<'b> Builder<'b> {
             data: filter.adjoint(data),
             regressors: regressors.par_iter().map(|column| filter.adjoint(column)).collect(),
             products: bench.case.products.get_or(key, Arc::default),
-            waiting: Vec::new(),
             ids: Vec::new(),
             scores: Vec::new(),
             with_regressors: Vec::new(),
@@ -475,42 +505,38 @@ impl<'b> Builder<'b> {
         Some(builder)
     }
 
-    /// Takes an entry in; entries are reduced when there are enough columns.
-    fn add(&mut self, entry: &'b Entry, candidate: &Candidate, signature: &Signature) {
-        let columns = signature.columns.iter().enumerate().take(entry.columns);
-        let reached = columns.filter_map(|(index, column)| {
-            Some((entry.first + index, self.block.project(column, candidate.port)?))
-        });
-        self.waiting.push((entry, reached.collect()));
-        let number: usize = self.waiting.iter().map(|(_, columns)| columns.len()).sum();
-        if number >= BATCH * rayon::current_num_threads().max(1) {
-            self.reduce();
-        }
-    }
-
-    /// Takes all products that are needed of what waits; it is whitened where they are not known.
-    fn reduce(&mut self) {
-        let waiting = std::mem::take(&mut self.waiting);
+    /// Takes all products that are needed of entries with their signatures; these are whitened where they are not known.
+    fn take(&mut self, entries: &[&Entry], candidates: &[Candidate], signatures: &[Cow<'_, Signature>]) {
+        let block = self.block;
+        let reached: Vec<Reached<'_>> = (entries.iter().zip(signatures))
+            .map(|(entry, signature)| {
+                let port = candidates[entry.candidate].port;
+                let columns = signature.columns.iter().enumerate().take(entry.columns);
+                columns
+                    .filter_map(|(i, column)| Some((entry.first + i, block.project(column, port)?)))
+                    .collect()
+            })
+            .collect();
         let known: Vec<Option<OfEntry>> = {
             let all = self.products.known();
-            waiting.iter().map(|(entry, _)| all.get(&(entry.candidate, entry.number)).cloned()).collect()
+            entries.iter().map(|entry| all.get(&(entry.candidate, entry.number)).cloned()).collect()
         };
         let asked = |known: &Option<OfEntry>| known.is_none() || !self.signs.is_empty();
-        let unknown: Vec<&[f64]> = (waiting.iter().zip(&known).filter(|(_, known)| asked(known)))
-            .flat_map(|((_, columns), _)| columns.iter().map(|(_, values)| values.as_slice()))
+        let unknown: Vec<&[f64]> = (reached.iter().zip(&known).filter(|(_, known)| asked(known)))
+            .flat_map(|(columns, _)| columns.iter().map(|(_, values)| values.as_ref()))
             .collect();
         let mut whitened = (unknown.par_chunks(BATCH))
             .flat_map_iter(|batch| self.filter.whiten_single(batch))
             .collect::<Vec<Vec<f32>>>()
             .into_iter();
-        let own: Vec<Vec<Vec<f32>>> = (waiting.iter().zip(&known))
-            .map(|((_, columns), known)| {
+        let own: Vec<Vec<Vec<f32>>> = (reached.iter().zip(&known))
+            .map(|(columns, known)| {
                 let number = if asked(known) { columns.len() } else { 0 };
                 whitened.by_ref().take(number).collect()
             })
             .collect();
-        let reduced: Vec<_> = ((&waiting, known, own).into_par_iter())
-            .map(|((_, columns), known, own)| {
+        let reduced: Vec<_> = ((&reached, known, own).into_par_iter())
+            .map(|(columns, known, own)| {
                 let sums: Vec<_> = columns.iter().map(|(_, values)| self.sums_of(values)).collect();
                 let of = |place: usize| -> Vec<f64> {
                     own[..=place].iter().map(|other| tiled_dot(&own[place], other)).collect()
@@ -521,7 +547,7 @@ impl<'b> Builder<'b> {
             })
             .collect();
         let products_of = Arc::clone(&self.products);
-        for ((entry, columns), (sums, products, mut sketches)) in waiting.iter().zip(reduced) {
+        for ((entry, columns), (sums, products, mut sketches)) in entries.iter().zip(&reached).zip(reduced) {
             sketches.resize(columns.len(), Vec::new());
             for ((((column, _), (score, with_regressors)), with_entry), sketch) in
                 columns.iter().zip(sums).zip(&products).zip(sketches)
@@ -590,7 +616,7 @@ impl BlockSums {
         for i in 0..size {
             correlation[(i, i)] = 1.0 + JITTER;
         }
-        Root::Correlations(correlation.cholesky())
+        correlation.cholesky().map_or(Root::Independent, |root| Root::Correlations(root.unpack()))
     }
 }
 

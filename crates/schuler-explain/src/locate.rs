@@ -173,7 +173,8 @@ fn results(bench: &Bench<'_>, inputs: &Inputs<'_>) -> (Vec<Result>, f64) {
             }
             if let Some((p, omega, excess)) = worst {
                 let hertz = omega / (std::f64::consts::TAU * block.step_s());
-                let what = format!("the spectrum near {hertz:.3e} Hz is {excess:.2} times what it should be");
+                let near = frequency_text(hertz);
+                let what = format!("the spectrum near {near} is {excess:.2} times what it should be");
                 push("spectrum", what, p, bands, None, Some([0.98 * hertz, 1.02 * hertz]), None);
                 tests += 1.0;
             }
@@ -193,6 +194,16 @@ fn results(bench: &Bench<'_>, inputs: &Inputs<'_>) -> (Vec<Result>, f64) {
         }
     }
     (results, tests.max(1.0))
+}
+
+/// A frequency as people say it: a slow one by its period.
+fn frequency_text(hertz: f64) -> String {
+    let hours = (3600.0 * hertz).recip();
+    match hertz {
+        1e-3.. => format!("{hertz:.4} Hz"),
+        _ if hours < 1.0 => format!("a period of {:.1} min", 60.0 * hours),
+        _ => format!("a period of {hours:.2} h"),
+    }
 }
 
 fn two_tailed(sum: f64, freedom: f64) -> f64 {
@@ -287,4 +298,16 @@ fn spline(values: &[f64]) -> Vec<Vec<f64>> {
         }
     }
     columns
+}
+
+#[cfg(test)]
+mod tests {
+    use super::frequency_text;
+
+    #[test]
+    fn slow_frequencies_are_said_by_their_periods() {
+        assert_eq!(frequency_text(0.25), "0.2500 Hz");
+        assert_eq!(frequency_text(1.0 / 1800.0), "a period of 30.0 min");
+        assert_eq!(frequency_text(1.221e-4), "a period of 2.28 h");
+    }
 }

@@ -5,8 +5,6 @@
 //! parts of one level; differenced rounding of an angle. Everything in SI units of the source.
 use schuler_recording::case::{ExponentialCosine, Markov, Nominal};
 
-use crate::catalogue::NoiseChange;
-
 /// Markov parts of which flicker is made: with fewer over a long record its spectrum has steps that a Markov part fills.
 pub const FLICKER_PARTS: usize = 6;
 
@@ -242,19 +240,6 @@ impl Noise {
         knobs.extend(single.iter().filter(|(value, _)| *value > 0.0).map(|(_, knob)| *knob));
         knobs.extend(self.step.map(|_| Knob::StepRatio));
         knobs
-    }
-
-    /// Noise parts of which a change may consist, for messages.
-    pub fn change_name(change: NoiseChange) -> &'static str {
-        match change {
-            NoiseChange::White => "white",
-            NoiseChange::Markov => "Markov",
-            NoiseChange::ExponentialCosine => "exponential-cosine",
-            NoiseChange::RandomWalk => "random walk",
-            NoiseChange::Flicker => "flicker",
-            NoiseChange::AngleQuantisation => "angle quantisation",
-            NoiseChange::VarianceStep => "change of the white level",
-        }
     }
 
     /// Power spectrum at `omega` rad per step of `step_s`, in units in which white noise of σ = 1 has 1.

@@ -39,6 +39,8 @@ const PEAKS: usize = 4;
 /// Logarithm of the number of places searched for a further Markov part, and for an exponential-cosine.
 const LN_PLACES_MARKOV: f64 = 1.4;
 const LN_PLACES_COSINE: f64 = 3.0;
+/// What one innovation may say at most of the white level, in its deviations: an outlier is not a level.
+const MOST_INNOVATION: f64 = 4.0;
 /// Rows left on both sides of a change of the white level.
 const MARGIN_ROWS: usize = 20;
 
@@ -81,7 +83,16 @@ pub struct View<'b> {
     pub log_likelihood: f64,
 }
 
+/// Where the exact likelihood of a change is to begin, and what it promises there.
+#[derive(Clone, Debug)]
+pub struct PromisedStart {
+    start: Start,
+    /// −ln p over all places where it was sought.
+    pub evidence: f64,
+}
+
 /// Noises to start from, the parameters to fit, degrees of freedom, and ln of the number of places searched.
+#[derive(Clone, Debug)]
 struct Start {
     noises: Vec<Noise>,
     knobs: Vec<Knob>,
@@ -90,12 +101,13 @@ struct Start {
 }
 
 impl View<'_> {
-    /// The best fit of a change to a source; `None` where it gains nothing.
-    pub fn fit(&self, source: usize, origin: &Source, change: NoiseChange) -> Option<ChangeFit> {
+    /// What a change of a source promises: by Whittle's likelihood, and for a change of the white level by the squares of
+    /// the innovations.
+    pub fn promised(&self, source: usize, origin: &Source, change: NoiseChange) -> Vec<PromisedStart> {
         if change == NoiseChange::VarianceStep {
-            return self.fit_step(source);
+            return self.promised_step(source).into_iter().collect();
         }
-        let one = self.spectrum.one_source(self.block, self.noises, source)?;
+        let Some(one) = self.spectrum.one_source(self.block, self.noises, source) else { return Vec::new() };
         let base = one.log_likelihood(&self.noises[source]);
         let mut starts: Vec<(f64, Start)> = (self.starts(source, origin, change).into_iter())
             .map(|start| (one.log_likelihood(&start.noises[source]), start))
@@ -112,9 +124,9 @@ impl View<'_> {
                 kept.push(start);
             }
         }
-        let mut best: Option<ChangeFit> = None;
-        // Where starts led by Whittle's likelihood: from the same place the exact one leads to the same as well.
+        // Where starts led: from the same place the exact likelihood leads to the same as well.
         let mut reached: Vec<(Vec<Knob>, f64, Vec<f64>)> = Vec::new();
+        let mut promised = Vec::new();
         for start in kept {
             let knobs: Vec<SourceKnob> = start.knobs.iter().map(|&knob| (source, knob)).collect();
             let (noises, likelihood) = whittle(self.block, &one, &start.noises, &knobs);
@@ -128,28 +140,41 @@ impl View<'_> {
                 continue;
             }
             reached.push((start.knobs.clone(), likelihood, logs));
-            let promised = likelihood - base;
-            let ln_p = ln_chi_squared_tail(2.0 * promised, start.freedom) + start.ln_places;
-            if promised < WORTH_POLISHING || -ln_p < LEAST_EVIDENCE {
-                continue;
-            }
-            let fit = polish(self.block, self.spectrum, self.projected, &noises, &knobs);
-            let gain = fit.log_likelihood - self.log_likelihood;
-            let ln_p = (ln_chi_squared_tail(2.0 * gain, start.freedom) + start.ln_places).min(0.0);
-            if best.as_ref().is_none_or(|best| ln_p < best.ln_p) {
-                best = Some(ChangeFit {
-                    source,
-                    change,
-                    noises: fit.noises,
-                    knobs: start.knobs,
-                    gain,
-                    freedom: start.freedom,
-                    ln_places: start.ln_places,
-                    ln_p,
-                });
+            let gain = likelihood - base;
+            let evidence = -ln_chi_squared_tail(2.0 * gain, start.freedom) - start.ln_places;
+            if gain >= WORTH_POLISHING && evidence >= LEAST_EVIDENCE {
+                promised.push(PromisedStart { start: Start { noises, ..start }, evidence });
             }
         }
-        best
+        promised
+    }
+
+    /// The best fit of a change to a source by the exact likelihood, from where it promised most; `None` where it promised
+    /// nothing.
+    pub fn fit(&self, source: usize, change: NoiseChange, promised: &[PromisedStart]) -> Option<ChangeFit> {
+        let fits = promised.iter().filter_map(|PromisedStart { start, .. }| match change {
+            NoiseChange::VarianceStep => self.fit_step(source, start),
+            _ => Some(self.fit_promised(source, change, start)),
+        });
+        fits.min_by(|a, b| a.ln_p.total_cmp(&b.ln_p))
+    }
+
+    fn fit_promised(&self, source: usize, change: NoiseChange, start: &Start) -> ChangeFit {
+        let knobs: Vec<SourceKnob> = start.knobs.iter().map(|&knob| (source, knob)).collect();
+        let least = self.log_likelihood + WORTH_POLISHING;
+        let fit = polish(self.block, self.spectrum, self.projected, &start.noises, &knobs, least);
+        let gain = fit.log_likelihood - self.log_likelihood;
+        let ln_p = (ln_chi_squared_tail(2.0 * gain, start.freedom) + start.ln_places).min(0.0);
+        ChangeFit {
+            source,
+            change,
+            noises: fit.noises,
+            knobs: start.knobs.clone(),
+            gain,
+            freedom: start.freedom,
+            ln_places: start.ln_places,
+            ln_p,
+        }
     }
 
     /// A further Markov part of a source, and what it would gain, both by Whittle's likelihood.
@@ -296,21 +321,24 @@ impl View<'_> {
         starts
     }
 
-    /// A change of the white level, at the time found on the squares of the innovations.
-    fn fit_step(&self, source: usize) -> Option<ChangeFit> {
+    /// A change of the white level, at the time found on the squares of the innovations, of which only those along the
+    /// source change.
+    fn promised_step(&self, source: usize) -> Option<PromisedStart> {
         let noise = &self.noises[source];
         if noise.white <= 0.0 || noise.step.is_some() {
             return None;
         }
         let (rows, channels) = (self.block.rows(), self.block.channels);
+        let along = self.along(source)?;
         let (mut sum, mut number) = (0.0, 0.0);
         let mut best = (0.0, 0, 1.0);
         for row in (MARGIN_ROWS..rows).rev() {
             if !self.block.present[row] {
                 continue;
             }
-            sum += (0..channels).map(|c| self.whitened[c * rows + row].powi(2)).sum::<f64>();
-            number += channels as f64;
+            let innovation: f64 = (0..channels).map(|c| along[c] * self.whitened[c * rows + row]).sum();
+            sum += innovation.powi(2).min(MOST_INNOVATION.powi(2));
+            number += 1.0;
             if number < MARGIN_ROWS as f64 {
                 continue;
             }
@@ -324,24 +352,52 @@ impl View<'_> {
         if gain < WORTH_POLISHING {
             return None;
         }
-        let fit_at = |row: usize| {
-            let likelihood = |log: f64| {
-                let mut noises = self.noises.to_vec();
-                noises[source].step = Some(VarianceStep { row, ratio: log.exp() });
-                -exact(self.block, &noises, self.projected)
-            };
-            let middle = 0.5 * ratio.ln();
-            let (log, cost) = crate::minimise::golden(middle - 0.7, middle + 1.5, 0.003, likelihood);
-            (log, -cost - self.log_likelihood)
-        };
-        let (log, gain) = fit_at(row);
-        let correlations = (MARGIN_ROWS..rows).map(|n| (1.0 - 1.0 / n as f64).sqrt());
-        let ln_p = ln_rough_scan_tail((2.0 * gain.max(0.0)).sqrt(), correlations);
-        let ln_places = (ln_p - ln_chi_squared_tail(2.0 * gain, 1)).max(0.0);
+        let (ln_p, ln_places) = self.step_tail(gain);
+        if -ln_p < LEAST_EVIDENCE {
+            return None;
+        }
         let mut noises = self.noises.to_vec();
-        noises[source].step = Some(VarianceStep { row, ratio: log.exp() });
-        let knobs = vec![Knob::StepRatio];
+        noises[source].step = Some(VarianceStep { row, ratio: ratio.sqrt() });
+        let start = Start { noises, knobs: vec![Knob::StepRatio], freedom: 1, ln_places };
+        Some(PromisedStart { start, evidence: -ln_p })
+    }
+
+    /// Direction of a source's own noise among the whitened innovations of the settled filter, of unit length.
+    fn along(&self, source: usize) -> Option<Vec<f64>> {
+        let channels = self.block.channels;
+        let place = self.block.sources.iter().position(|&other| other == source)?;
+        let seen = self.block.transfer(place, 0.0);
+        let (_, whitening) = self.filter.settled();
+        let whitened = |row: &[f64]| row.iter().zip(&seen).map(|(w, seen)| w * seen.re).sum::<f64>();
+        let along: Vec<f64> = whitening.chunks_exact(channels).map(whitened).collect();
+        let length = along.iter().map(|value| value * value).sum::<f64>().sqrt();
+        (length > 0.0).then(|| along.iter().map(|value| value / length).collect())
+    }
+
+    /// ln of the probability that a change of the white level gains so much somewhere, and of the number of places that
+    /// this counts.
+    fn step_tail(&self, gain: f64) -> (f64, f64) {
+        let correlations = (MARGIN_ROWS..self.block.rows()).map(|n| (1.0 - 1.0 / n as f64).sqrt());
+        let ln_p = ln_rough_scan_tail((2.0 * gain.max(0.0)).sqrt(), correlations);
+        (ln_p, (ln_p - ln_chi_squared_tail(2.0 * gain, 1)).max(0.0))
+    }
+
+    /// The ratio of the white levels with the largest exact likelihood, the row being given.
+    fn fit_step(&self, source: usize, start: &Start) -> Option<ChangeFit> {
+        let promised = start.noises[source].step?;
+        let noises_at = |log: f64| {
+            let mut noises = start.noises.clone();
+            noises[source].step = Some(VarianceStep { ratio: log.exp(), ..promised });
+            noises
+        };
+        // The innovations hold more than white noise, whose ratio is further from 1 than theirs.
+        let middle = promised.ratio.ln();
+        let likelihood = |log: f64| -exact(self.block, &noises_at(log), self.projected);
+        let (log, cost) = crate::minimise::golden(middle - 0.7, middle + 1.5, 0.003, likelihood);
+        let gain = -cost - self.log_likelihood;
+        let (ln_p, ln_places) = self.step_tail(gain);
+        let (noises, knobs) = (noises_at(log), start.knobs.clone());
         let change = NoiseChange::VarianceStep;
-        Some(ChangeFit { source, change, noises, knobs, gain, freedom: 1, ln_places, ln_p })
+        Some(ChangeFit { source, change, noises, knobs, gain, freedom: start.freedom, ln_places, ln_p })
     }
 }

@@ -1,7 +1,8 @@
 //! Maximum likelihood of noise parameters: Whittle's likelihood finds the place, the exact one has the last word.
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
-use crate::description::{Projected, Sums};
+use crate::description::{Projected, Sums, solve_or_none};
 use crate::minimise::{IMPOSSIBLE, simplex};
 use crate::noise::{Knob, Noise};
 use crate::nominal::Block;
@@ -19,6 +20,8 @@ const STEP: f64 = 0.05;
 const NEWTON: usize = 8;
 /// Gain that the next Newton step must promise.
 const PROMISE: f64 = 0.01;
+/// Times that a Newton step may gain what it promises.
+const DOUBTED: f64 = 3.0;
 /// Least information about a logarithm that a step takes for granted.
 const LEAST_INFORMATION: f64 = 1.0;
 /// Most change of a logarithm in one step.
@@ -72,6 +75,25 @@ pub fn exact(block: &Block, noises: &[Noise], projected: &Projected) -> f64 {
     if best.is_finite() { best } else { f64::NEG_INFINITY }
 }
 
+/// The same, and the amplitudes.
+fn exact_with_amplitudes(block: &Block, noises: &[Noise], projected: &Projected) -> (f64, DVector<f64>) {
+    let nothing = || (f64::NEG_INFINITY, DVector::zeros(projected.columns.len()));
+    let Some(filter) = block.filter(noises) else { return nothing() };
+    let sums = Sums::new(&filter, projected);
+    let solution = solve_or_none(&sums.normal, &sums.scores);
+    let best = sums.log_likelihood + solution.gain;
+    if best.is_finite() { (best, solution.amplitudes) } else { nothing() }
+}
+
+/// What the regressors leave of the data, as data without regressors.
+fn left_by(projected: &Projected, amplitudes: &DVector<f64>) -> Projected {
+    let mut data = projected.data.clone();
+    for (column, amplitude) in projected.columns.iter().zip(amplitudes.iter()) {
+        data.iter_mut().zip(column).for_each(|(value, column)| *value -= amplitude * column);
+    }
+    Projected { data, places: Vec::new(), columns: Vec::new() }
+}
+
 /// The maximum of Whittle's likelihood over `knobs` of one source from the noises given; noises and log-likelihood.
 pub fn whittle(block: &Block, one: &OneSource, noises: &[Noise], knobs: &[SourceKnob]) -> (Vec<Noise>, f64) {
     let start = logs_of(noises, knobs);
@@ -85,6 +107,24 @@ pub fn whittle(block: &Block, one: &OneSource, noises: &[Noise], knobs: &[Source
     (with_logs(noises, knobs, &best), -cost)
 }
 
+/// The maximum of Whittle's likelihood over `knobs` of all sources of a block, from the noises given.
+pub fn whittle_jointly(
+    block: &Block,
+    spectrum: &Spectrum,
+    noises: &[Noise],
+    knobs: &[SourceKnob],
+) -> Vec<Noise> {
+    let (step_s, rows) = (block.step_s(), block.rows());
+    let cost = |logs: &[f64]| {
+        100.0 * outside(knobs, logs, step_s, rows)
+            - spectrum.log_likelihood(block, &with_logs(noises, knobs, logs))
+    };
+    let (sides, iterations) = (vec![SIDE; knobs.len()], ITERATIONS * knobs.len() as u64);
+    // A simplex that has gone flat in a curved valley goes on from there with a new one.
+    let once = |start: &[f64]| simplex(start, &sides, SPREAD, iterations, cost).0;
+    with_logs(noises, knobs, &once(&once(&logs_of(noises, knobs))))
+}
+
 /// Whittle's log-likelihood with the logarithms of `knobs`, all of one source.
 fn one_source_likelihood(one: &OneSource, noises: &[Noise], knobs: &[SourceKnob], logs: &[f64]) -> f64 {
     let Some(&(source, _)) = knobs.first() else { return f64::NEG_INFINITY };
@@ -95,21 +135,30 @@ fn one_source_likelihood(one: &OneSource, noises: &[Noise], knobs: &[SourceKnob]
     one.log_likelihood(&noise)
 }
 
-/// The maximum of the exact likelihood over `knobs`, from noises near it; curvatures from Whittle's.
+/// The maximum of the exact likelihood over `knobs`, from noises near it; curvatures from Whittle's. Where it stays below
+/// `least` by all that is seen on the way, it is left before it is reached.
 pub fn polish(
     block: &Block,
     spectrum: &Spectrum,
     projected: &Projected,
     noises: &[Noise],
     knobs: &[SourceKnob],
+    least: f64,
 ) -> NoiseFit {
     let (step_s, rows) = (block.step_s(), block.rows());
     let likelihood = |logs: &[f64]| {
         let beyond = outside(knobs, logs, step_s, rows);
-        exact(block, &with_logs(noises, knobs, logs), projected) - 100.0 * beyond
+        let (best, amplitudes) = exact_with_amplitudes(block, &with_logs(noises, knobs, logs), projected);
+        (best - 100.0 * beyond, amplitudes)
     };
     let mut logs = logs_of(noises, knobs);
-    let mut here = likelihood(&logs);
+    let (mut here, mut amplitudes) = likelihood(&logs);
+    // At its maximum over the regressors' amplitudes the likelihood changes with the noise as it does at these amplitudes: its
+    // derivatives ask for one column to be whitened, however many regressors there are.
+    let at_amplitudes = |logs: &[f64], left: &Projected| {
+        let beyond = outside(knobs, logs, step_s, rows);
+        exact(block, &with_logs(noises, knobs, logs), left) - 100.0 * beyond
+    };
     if here == f64::NEG_INFINITY {
         return NoiseFit { noises: noises.to_vec(), log_likelihood: here };
     }
@@ -123,13 +172,15 @@ pub fn polish(
         let mut information = curvature(&logs, STEP, cost);
         let size = logs.len();
         let mut gradient = DVector::zeros(size);
-        for axis in 0..size {
-            let moved = |by: f64| {
-                let mut moved = logs.clone();
-                moved[axis] += by;
-                likelihood(&moved)
-            };
-            let (up, down) = (moved(STEP), moved(-STEP));
+        let left = left_by(projected, &amplitudes);
+        let moved = |place: usize| {
+            let mut moved = logs.clone();
+            moved[place / 2] += if place % 2 == 0 { STEP } else { -STEP };
+            at_amplitudes(&moved, &left)
+        };
+        let moved: Vec<f64> = (0..2 * size).into_par_iter().map(moved).collect();
+        for (axis, moved) in moved.chunks_exact(2).enumerate() {
+            let (up, down) = (moved[0], moved[1]);
             gradient[axis] =
                 if up.is_finite() && down.is_finite() { (up - down) / (2.0 * STEP) } else { 0.0 };
             // The exact likelihood's own curvature along the axis, where it is larger.
@@ -141,16 +192,17 @@ pub fn polish(
         let eigen = information.symmetric_eigen();
         let inverse = eigen.eigenvalues.map(|value| value.max(LEAST_INFORMATION).recip());
         let step = &eigen.eigenvectors * inverse.component_mul(&(eigen.eigenvectors.transpose() * &gradient));
-        if 0.5 * gradient.dot(&step) < PROMISE {
+        let promised = 0.5 * gradient.dot(&step);
+        if promised < PROMISE || here + DOUBTED * promised < least {
             break;
         }
         let mut scale = (MOST_STEP / step.amax()).min(1.0);
         let mut moved = false;
         for _ in 0..4 {
             let next: Vec<f64> = logs.iter().zip(step.iter()).map(|(log, step)| log + scale * step).collect();
-            let there = likelihood(&next);
+            let (there, with_amplitudes) = likelihood(&next);
             if there > here {
-                (logs, here, moved) = (next, there, true);
+                (logs, here, amplitudes, moved) = (next, there, with_amplitudes, true);
                 break;
             }
             scale *= 0.3;

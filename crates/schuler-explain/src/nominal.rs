@@ -8,6 +8,8 @@
 //!
 //! Noise comes from *sources*: one a sensor, and two more for the loop's accelerometer and gyro. Everything is in SI
 //! units.
+use std::borrow::Cow;
+
 use nalgebra::{Complex, DMatrix, DVector};
 use schuler_recording::Recording;
 use schuler_recording::case::{MotionKind, SensorKind};
@@ -421,10 +423,14 @@ impl Block {
     /// What a column at a port adds to the channels; `None` where it does not reach them.
     ///
     /// What is not a number counts as 0.
-    pub fn project(&self, column: &Column, port: Port) -> Option<Vec<f64>> {
+    pub fn project<'v>(&self, column: &'v Column, port: Port) -> Option<Cow<'v, [f64]>> {
         let mut values = self.projected(column, port)?;
-        values.iter_mut().filter(|value| !value.is_finite()).for_each(|value| *value = 0.0);
-        values.resize(self.channels * self.rows(), 0.0);
+        let all = self.channels * self.rows();
+        if values.len() != all || values.iter().any(|value| !value.is_finite()) {
+            let own = values.to_mut();
+            own.iter_mut().filter(|value| !value.is_finite()).for_each(|value| *value = 0.0);
+            own.resize(all, 0.0);
+        }
         Some(values)
     }
 
@@ -434,11 +440,11 @@ impl Block {
         possible && column.parts.iter().any(|(sensor, _)| self.sensors.contains(sensor))
     }
 
-    fn projected(&self, column: &Column, port: Port) -> Option<Vec<f64>> {
+    fn projected<'v>(&self, column: &'v Column, port: Port) -> Option<Cow<'v, [f64]>> {
         let reaches = |(sensor, _): &&(usize, Vec<f64>)| self.sensors.contains(sensor);
         match &self.geometry {
             Geometry::Direct if port != Port::Output => None,
-            Geometry::Direct => column.parts.iter().find(reaches).map(|(_, values)| values.clone()),
+            Geometry::Direct => column.parts.iter().find(reaches).map(|(_, values)| Cow::from(values)),
             Geometry::Parity(parity) => {
                 let rows = self.rows();
                 let mut data: Option<Vec<f64>> = None;
@@ -452,13 +458,14 @@ impl Block {
                         }
                     }
                 }
-                data
+                data.map(Cow::from)
             }
             Geometry::Loop(step) => {
                 let (_, values) = column.parts.iter().find(reaches)?;
-                Some(
-                    step.of_port(port).map_or_else(|| values.clone(), |enters| step.response(values, enters)),
-                )
+                Some(match step.of_port(port) {
+                    Some(enters) => Cow::from(step.response(values, enters)),
+                    None => Cow::from(values),
+                })
             }
         }
     }

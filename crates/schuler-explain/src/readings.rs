@@ -20,7 +20,8 @@ use crate::statistics::ln_chi_squared_tail;
 const SHORTEST_RUN: usize = 20;
 /// Fewest readings at a limit.
 const FEWEST_CLIPPED: usize = 8;
-/// Fewest separate stays at a limit: one may be a stuck output.
+/// Fewest separate stays at a limit where the last of them lasts until the end: a stuck output stays for good, and that of a
+/// growing input stays at its largest reading.
 const FEWEST_STAYS: usize = 3;
 /// How many times as many readings as at the next value.
 const CLIPPED_RATIO: f64 = 4.0;
@@ -68,12 +69,16 @@ pub fn faults(recording: &Recording, model: &Model) -> (Vec<Fault>, Vec<Vec<bool
         let mut mask = vec![false; series.values.len()];
         let sensor = &series.sensor;
         let moves = sensor.nominal.white > 2.0 * sensor.quantisation;
+        let lattice = lattice(&series.values);
+        let coarse_step = lattice.map_or(0.0, |lattice| lattice.step);
         // Clipped first: a stay at the limit is no stuck output.
-        found.extend(clipped(index, &series.values, &mut mask));
-        let coarse_step = lattice(&series.values).map_or(0.0, |lattice| lattice.step);
+        let dwells = coarse_step > sensor.nominal.white;
+        found.extend(clipped(index, &series.values, dwells, &mut mask));
         let repeats = Repeats { moves, at_rest: same_at_rest(coarse_step, sensor.nominal.white) };
         found.extend(stuck(index, &series.values, repeats, &mut mask));
-        found.extend(coarse(index, &series.values, sensor.quantisation, sensor.nominal.white));
+        let coarse =
+            |lattice| coarse(index, &series.values, lattice, sensor.quantisation, sensor.nominal.white);
+        found.extend(lattice.and_then(coarse));
         masked[index] = mask;
     }
     let mut steps = vec![0.0; recording.sensors.len()];
@@ -159,10 +164,14 @@ fn stuck(sensor: usize, values: &[f64], repeats: Repeats, mask: &mut [bool]) -> 
     })
 }
 
-/// Readings that pile up at the largest or the smallest value.
-fn clipped(sensor: usize, values: &[f64], mask: &mut [bool]) -> Option<Fault> {
+/// Readings that pile up at the largest or the smallest value. Of an output that dwells on a level while its input hardly
+/// moves, coarser than its noise, only the first of a stay counts.
+fn clipped(sensor: usize, values: &[f64], dwells: bool, mask: &mut [bool]) -> Option<Fault> {
     let mut sorted: Vec<f64> =
         values.iter().zip(&*mask).filter(|(v, masked)| v.is_finite() && !**masked).map(|(v, _)| *v).collect();
+    if dwells {
+        sorted.dedup();
+    }
     sorted.sort_by(f64::total_cmp);
     let mut levels = sorted.clone();
     levels.dedup();
@@ -198,7 +207,7 @@ fn clipped(sensor: usize, values: &[f64], mask: &mut [bool]) -> Option<Fault> {
     let present: Vec<bool> =
         values.iter().filter(|value| value.is_finite()).map(|value| limits.contains(value)).collect();
     let stays = present.windows(2).filter(|pair| !pair[0] && pair[1]).count();
-    if stays < FEWEST_STAYS {
+    if stays < FEWEST_STAYS && present.last() == Some(&true) {
         return None;
     }
     let mut rows = (values.len(), 0);
@@ -212,9 +221,9 @@ fn clipped(sensor: usize, values: &[f64], mask: &mut [bool]) -> Option<Fault> {
     Some(Fault { sensor, fault: ReadingFault::Saturated, evidence, rows, parameters })
 }
 
-/// The lattice on which all readings lie, if it is coarser than nominal and than the noise.
-fn coarse(sensor: usize, values: &[f64], nominal: f64, white: f64) -> Option<Fault> {
-    let Lattice { step, levels } = lattice(values)?;
+/// Whether the lattice on which all readings lie is coarser than nominal and than the noise.
+fn coarse(sensor: usize, values: &[f64], lattice: Lattice, nominal: f64, white: f64) -> Option<Fault> {
+    let Lattice { step, levels } = lattice;
     (levels >= FEWEST_OF_LATTICE && step > COARSER * nominal && step >= LEAST_STEP * white).then(|| Fault {
         sensor,
         fault: ReadingFault::Quantised,
@@ -357,7 +366,7 @@ fn median3([a, b, c]: [f64; 3]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::{Repeats, same_at_rest, stuck};
+    use super::{Repeats, clipped, same_at_rest, stuck};
 
     /// A coarse output that stands still between manoeuvres repeats itself; one as fine as its noise does not.
     #[test]
@@ -370,5 +379,35 @@ mod tests {
         };
         assert!(found(1.0, 5.0));
         assert!(!found(1.0, 0.28));
+    }
+
+    /// One stay at the largest reading is clipping if the output leaves it again; one that lasts may be stuck.
+    #[test]
+    fn one_stay_that_ends_is_clipped() {
+        let jitter = |k: usize| ((k * 7919) % 997) as f64 / 997.0;
+        let pulse = |rows: usize| -> Vec<f64> {
+            let input =
+                (0..rows).map(|k| 300.0 * (k as f64 / 2000.0 * std::f64::consts::PI).sin() + jitter(k));
+            input.map(|value| value.min(299.5)).collect()
+        };
+        let found = |values: &[f64]| {
+            clipped(0, values, false, &mut vec![false; values.len()]).map(|it| it.parameters[0].1)
+        };
+        assert_eq!(found(&pulse(2000)), Some(299.5));
+        let unclipped: Vec<f64> = pulse(2000).iter().enumerate().map(|(k, v)| v + jitter(k)).collect();
+        assert_eq!(found(&unclipped), None);
+        let mut stuck = pulse(950);
+        stuck.extend([299.6; 15]);
+        assert_eq!(found(&stuck), None);
+    }
+
+    /// A coarse output that stands still at its largest input, time and again, repeats the largest reading.
+    #[test]
+    fn coarse_readings_that_dwell_at_the_top_are_not_clipped() {
+        let stay = || (0..12).chain([12; 40]).chain((0..12).rev()).map(f64::from);
+        let values: Vec<f64> = (0..4).flat_map(|_| stay()).collect();
+        let found = |dwells: bool| clipped(0, &values, dwells, &mut vec![false; values.len()]).is_some();
+        assert!(found(false));
+        assert!(!found(true));
     }
 }

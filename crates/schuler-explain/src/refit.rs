@@ -10,7 +10,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::catalogue::{Candidate, OnsetShape, Search};
 use crate::description::{Term, nonlinear_names};
 use crate::explanation::Parameter;
-use crate::noise::Knob;
+use crate::noise::{Knob, VarianceStep};
 use crate::noise_fit::{curvature, exact, logs_of, with_logs};
 use crate::sandwich::variances;
 use crate::select::Item;
@@ -170,32 +170,38 @@ fn width(
     };
     let mut widest = 0.0_f64;
     for side in [-1.0, 1.0] {
-        let mut distance = smallest;
-        let mut inside = 0.0_f64;
         let room = if side > 0.0 { high - at[axis] } else { at[axis] - low };
-        for _ in 0..GROWTHS {
-            if distance >= room {
-                // The range ends before the profile has fallen.
-                inside = inside.max(room);
-                break;
-            }
+        let fallen = |distance: f64| {
             let mut moved = at.to_vec();
             moved[axis] += side * distance;
-            let fallen = fall(&moved);
-            if fallen >= THREE_SIGMA_NATS {
-                // Between the last two distances the fall grows as a square.
-                inside = inside.max(distance * (THREE_SIGMA_NATS / fallen).sqrt());
-                break;
-            }
-            inside = distance;
-            distance *= GROWTH;
-        }
-        widest = widest.max(inside);
+            fall(&moved)
+        };
+        widest = widest.max(distance_of_fall(smallest, room, fallen));
     }
     (widest / 3.0).max(match candidate.search {
         Search::Onset(_) => 0.5 * case.model.step_s,
         _ => 0.0,
     })
+}
+
+/// Distance at which a profile has fallen by 4.5 nats, from the smallest that is tried up to the end of the range.
+fn distance_of_fall(smallest: f64, room: f64, fall: impl Fn(f64) -> f64) -> f64 {
+    let mut distance = smallest;
+    let mut inside = 0.0_f64;
+    for _ in 0..GROWTHS {
+        if distance >= room {
+            // The range ends before the profile has fallen.
+            return inside.max(room);
+        }
+        let fallen = fall(distance);
+        if fallen >= THREE_SIGMA_NATS {
+            // Between the last two distances the fall grows as a square.
+            return inside.max(distance * (THREE_SIGMA_NATS / fallen).sqrt());
+        }
+        inside = distance;
+        distance *= GROWTH;
+    }
+    inside
 }
 
 /// The parameters of a noise change of `state`, and the standard deviations of all free parameters of its block.
@@ -225,10 +231,24 @@ pub fn of_change(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter>
     let in_si = source.unit.in_si();
     let mut parameters: Vec<Parameter> = Vec::new();
     if let (true, Some(step)) = (change.knobs.contains(&Knob::StepRatio), state.noises[change.source].step) {
+        let sigma = bench.blocks[index].as_ref().map(|whitened| {
+            let likelihood = |row: usize| {
+                let mut noises = state.noises.clone();
+                noises[change.source].step = Some(VarianceStep { row, ..step });
+                exact(&case.model.blocks[index], &noises, &whitened.projected)
+            };
+            let best = likelihood(step.row);
+            let rows = [(-1.0, step.row), (1.0, case.time_s.len().saturating_sub(step.row + 1))];
+            let widest = rows.map(|(side, room)| {
+                let moved = |distance: f64| (step.row as f64 + side * distance).round() as usize;
+                distance_of_fall(1.0, room as f64, |distance| best - likelihood(moved(distance)))
+            });
+            (widest[0].max(widest[1]) / 3.0).max(0.5) * case.model.step_s
+        });
         parameters.push(Parameter {
             name: "onset_s".to_owned(),
             value: case.time_s.get(step.row).copied(),
-            sigma: None,
+            sigma,
             unit: Some("s".to_owned()),
             text: None,
             plausible: None,

@@ -3,8 +3,10 @@
 //! With q = R⁻¹r the score of a step at t₀ is Σ q from t₀ on, of a ramp the sum of those sums; the energy of the
 //! whitened response of the settled filter is the denominator. The score of a sinusoid is the Fourier transform of q,
 //! and the inverse of the model's spectrum its denominator. What is already described is projected out. What stands out
-//! is evaluated exactly by the caller. The price of the search is the tail of the maximum over the chain of scores,
-//! whose neighbours' correlations follow from the denominators alone.
+//! is evaluated exactly by the caller. The price of the search is the tail of the maximum over the chain of scores. How fast
+//! that chain forgets follows from the energies of the differences of two signatures, what is described projected out: scores
+//! of a step on white noise forget like a random walk, those of a ramp, or of a step that a Schuler loop has integrated, are
+//! smooth.
 use nalgebra::{Complex, DMatrix, DVector};
 use realfft::RealFftPlanner;
 
@@ -12,7 +14,7 @@ use crate::catalogue::{Column, OnsetShape, Port};
 use crate::least_squares::{dot, solve};
 use crate::noise::Noise;
 use crate::nominal::Block;
-use crate::statistics::{ln_frequency_scan_tail, ln_rough_scan_tail, ln_smooth_scan_tail};
+use crate::statistics::{ln_frequency_scan_tail, ln_scan_tail, maxima_per_place};
 use crate::whiten::Filter;
 
 /// Rows that must lie on both sides of an onset.
@@ -23,8 +25,8 @@ const SEEN: f64 = 0.02;
 const PEAKS: usize = 3;
 /// Fewest periods in the record.
 const FEWEST_PERIODS: f64 = 2.0;
-/// Most links of the chain for which correlations are computed one by one.
-const CHAIN: usize = 20_000;
+/// Places between the ends of the chain at which it is computed how fast it forgets; towards the ends their distances double.
+const PLACES: usize = 200;
 
 /// A place where a signature stands out.
 #[derive(Clone, Copy, Debug)]
@@ -89,8 +91,8 @@ impl<'b> Scanner<'b> {
         };
         let scores = summed(&self.scores)?;
         let regressors: Vec<Vec<f64>> = self.regressors.iter().map(|r| summed(r)).collect::<Option<_>>()?;
-        let step = self.energy(sensor, port, OnsetShape::Step)?;
-        let own = if shape == OnsetShape::Step { step.clone() } else { self.energy(sensor, port, shape)? };
+        let response = self.response(sensor, port, shape)?;
+        let own = energy(&response, rows, 0);
         // Energy of a signature at each onset, less what is missing.
         let mut after = 0.0;
         let mut present = vec![0.0; rows];
@@ -98,10 +100,14 @@ impl<'b> Scanner<'b> {
             after += f64::from(u8::from(self.block.present[row]));
             present[row] = after / (rows - row) as f64;
         }
+        // What is left of an energy when what is described is taken out, by its products with that.
+        let left = |whole: f64, cross: &dyn Fn(&[f64]) -> f64| {
+            let cross = DVector::from_fn(regressors.len(), |i, _| cross(&regressors[i]));
+            whole - if cross.is_empty() { 0.0 } else { cross.dot(&(&self.inverse * &cross)) }
+        };
         let energy_at = |row: usize| {
             let whole = own[rows - row - 1] * present[row];
-            let cross = DVector::from_fn(regressors.len(), |i, _| regressors[i][row]);
-            let left = whole - if cross.is_empty() { 0.0 } else { cross.dot(&(&self.inverse * &cross)) };
+            let left = left(whole, &|products| products[row]);
             if left > SEEN * whole { left } else { 0.0 }
         };
         let first = if shape == OnsetShape::Step { MARGIN_ROWS } else { 0 };
@@ -118,51 +124,42 @@ impl<'b> Scanner<'b> {
             .map(|(index, gain)| Peak { at: time_s.get(first + index).copied().unwrap_or_default(), gain })
             .collect();
         let best = peaks.first()?;
-        // Neighbours: D(t) = D(t+1) + 2⟨s(t+1), increment⟩ + |increment|², with the increment of a step an impulse and
-        // that of a ramp a step.
-        let impulse = {
-            let mut rest = step.clone();
-            rest.truncate(1);
-            rest.first().copied().unwrap_or_default()
-        };
-        let stride = (gains.len() / CHAIN).max(1);
-        let mut correlations = Vec::with_capacity(gains.len() / stride);
-        for row in (first..last.saturating_sub(1)).step_by(stride) {
-            let (here, next) = (own[rows - row - 1], own[rows - row - 2]);
-            let increment = if shape == OnsetShape::Step { impulse } else { step[rows - row - 2] };
-            let cross = 0.5 * (here - next - increment);
-            let correlation = (next + cross) / (here * next).sqrt();
-            correlations.push(if correlation.is_finite() { correlation.clamp(-1.0, 1.0) } else { 0.0 });
-        }
         let u = (2.0 * best.gain).sqrt();
         let single = crate::statistics::ln_chi_squared_tail(u * u, 1);
-        // With a stride each link stands for `stride` of them.
-        let repeated = correlations.iter().flat_map(|&c| std::iter::repeat_n(c, stride));
-        let whole = match shape {
-            OnsetShape::Step => ln_rough_scan_tail(u, repeated),
-            OnsetShape::Ramp => ln_smooth_scan_tail(u, repeated),
-        };
-        Some(Scan { peaks, ln_places: (whole - single).max(0.0) })
+        // 1 − ρ of the scores at two onsets, from the energy of the difference of their signatures.
+        let places = places(first, last);
+        let lags: Vec<usize> = std::iter::successors(Some(1), |lag| Some(2 * lag))
+            .take_while(|lag| 2 * lag < last.saturating_sub(first))
+            .collect();
+        let mut forgotten = vec![Vec::new(); places.len()];
+        for &lag in &lags {
+            let differences = energy(&response, rows, lag);
+            for (&row, forgotten) in places.iter().zip(&mut forgotten).filter(|(row, _)| **row + lag < last) {
+                let (here, there) = (energy_at(row), energy_at(row + lag));
+                let apart = left(differences[rows - row - 1] * present[row], &|products| {
+                    products[row] - products[row + lag]
+                });
+                let one_less = 0.5 * (apart - (here.sqrt() - there.sqrt()).powi(2)) / (here * there).sqrt();
+                forgotten.push(if one_less.is_finite() { one_less.max(0.0) } else { 0.0 });
+            }
+        }
+        let rates: Vec<f64> = forgotten.iter().map(|forgotten| maxima_per_place(u, forgotten)).collect();
+        let maxima: f64 = (places.windows(2).zip(rates.windows(2)))
+            .map(|(rows, rates)| 0.5 * (rates[0] + rates[1]) * (rows[1] - rows[0]) as f64)
+            .sum();
+        Some(Scan { peaks, ln_places: (ln_scan_tail(u, maxima) - single).max(0.0) })
     }
 
-    /// Energy of the whitened response of the settled filter within the first 1, 2, … rows after the onset.
-    fn energy(&self, sensor: usize, port: Port, shape: OnsetShape) -> Option<Vec<f64>> {
+    /// Whitened response of the settled filter to a shape that begins with the record.
+    fn response(&self, sensor: usize, port: Port, shape: OnsetShape) -> Option<Vec<f64>> {
         let rows = self.block.rows();
         let values = match shape {
             OnsetShape::Step => vec![1.0; rows],
             OnsetShape::Ramp => (0..rows).map(|row| row as f64).collect(),
         };
-        let response = self.block.project(&Column { parts: vec![(sensor, values)] }, port)?;
-        let whitened = self.filter.settled_filter(rows).whiten(&[&response]).swap_remove(0);
-        let mut sum = 0.0;
-        Some(
-            (0..rows)
-                .map(|row| {
-                    sum += (0..self.block.channels).map(|c| whitened[c * rows + row].powi(2)).sum::<f64>();
-                    sum
-                })
-                .collect(),
-        )
+        let course = Column { parts: vec![(sensor, values)] };
+        let response = self.block.project(&course, port)?;
+        Some(self.filter.settled_filter(rows).whiten(&[&response]).swap_remove(0))
     }
 
     /// Scans all frequencies of a sinusoid on a sensor.
@@ -236,6 +233,39 @@ impl Density<'_> {
         self.last = Some((omega * 1.002, density));
         density
     }
+}
+
+/// Energy within the first 1, 2, … rows of a response of `rows` rows a channel, and with a lag of its difference from the same so
+/// many rows later.
+fn energy(response: &[f64], rows: usize, lag: usize) -> Vec<f64> {
+    let mut sum = 0.0;
+    let of = |row: usize| -> f64 {
+        let difference = |channel: &[f64]| {
+            let later = if lag > 0 && row >= lag { channel[row - lag] } else { 0.0 };
+            (channel[row] - later).powi(2)
+        };
+        response.chunks_exact(rows).map(difference).sum()
+    };
+    (0..rows)
+        .map(|row| {
+            sum += of(row);
+            sum
+        })
+        .collect()
+}
+
+/// Places of a chain from `first` to before `last`, close together near its ends, where scores forget fast.
+fn places(first: usize, last: usize) -> Vec<usize> {
+    let length = last.saturating_sub(first);
+    let doubled = std::iter::successors(Some(1), |distance| Some(2 * distance));
+    let ends = doubled.take_while(|distance| 2 * distance < length);
+    let mut places: Vec<usize> = (ends.flat_map(|distance| [first + distance - 1, last - distance]))
+        .chain((0..PLACES).map(|place| first + place * length / PLACES))
+        .filter(|place| (first..last).contains(place))
+        .collect();
+    places.sort_unstable();
+    places.dedup();
+    places
 }
 
 fn reverse_sum(values: &mut [f64]) {

@@ -10,8 +10,7 @@ use crate::catalogue::{Candidate, NoiseChange, OnsetShape, Search, Target};
 use crate::description::Term;
 use crate::library::{Library, NullDistribution};
 use crate::minimise::{golden, simplex};
-use crate::noise_change::{ChangeFit, View};
-use crate::nominal::Source;
+use crate::noise_change::{ChangeFit, PromisedStart, View};
 use crate::scan::{Scan, Scanner};
 use crate::state::{Bench, State};
 use crate::statistics::ln_chi_squared_tail;
@@ -29,6 +28,10 @@ const LONGEST_LIST: usize = 40;
 const CLOSE: f64 = 8.0;
 /// Evidence below which a candidate is not evaluated exactly.
 const LEAST_EVIDENCE: f64 = 1.0;
+/// Changes of noise are fitted exactly unless they promise less than this part of what the best of their block shows, by
+/// so many nats: Whittle's likelihood is not off by as much.
+const FAR_PART: f64 = 0.5;
+const FAR_NATS: f64 = 10.0;
 /// How finely a parameter is refined, as a part of the distance between neighbours of the grid.
 const REFINED: f64 = 0.02;
 /// The same for what was accepted.
@@ -58,6 +61,16 @@ pub struct Family {
     frequencies: usize,
     noises: usize,
     readings: usize,
+}
+
+/// What a change of noise promises, before it is fitted exactly.
+struct NoisePromise {
+    candidate: usize,
+    block: usize,
+    source: usize,
+    change: NoiseChange,
+    starts: Vec<PromisedStart>,
+    evidence: f64,
 }
 
 /// Where and how much a candidate promises, before it is evaluated exactly.
@@ -296,42 +309,99 @@ impl Bench<'_> {
         Some(Proposal { term, gain, freedom, ln_places: promise.ln_places, evidence })
     }
 
-    /// What a change of the noise of each source of the given blocks would gain, best first.
-    pub fn noise_changes(&self, state: &State, blocks: &[usize]) -> Vec<(usize, ChangeFit)> {
+    /// What each `wanted` change of the noise of a source of the given blocks would gain, best first, without those that
+    /// promise far less than the best of their block shows.
+    pub fn noise_changes(
+        &self,
+        state: &State,
+        blocks: &[usize],
+        wanted: &(dyn Fn(usize) -> bool + Sync),
+    ) -> Vec<(usize, ChangeFit)> {
         let model = self.case.model;
-        let mut found: Vec<(usize, ChangeFit)> = (self.case.candidates.par_iter().enumerate())
-            .filter_map(|(place, candidate)| {
-                let Search::Noise(change) = candidate.search else { return None };
-                if self.case.watch.is_cancelled() {
+        let mut promised: Vec<NoisePromise> = (self.case.candidates.par_iter().enumerate())
+            .filter_map(|(candidate, of)| {
+                let (Search::Noise(change), Target::Sensor(sensor)) = (&of.search, &of.target) else {
                     return None;
-                }
-                let Target::Sensor(sensor) = candidate.target else { return None };
-                let source = model.source_of(sensor, candidate.port)?;
+                };
+                let (change, source) = (*change, model.source_of(*sensor, of.port)?);
+                let block = model.blocks.iter().position(|block| block.sources.contains(&source))?;
+                let accepted = state.changes.iter().any(|a| a.source == source && a.change == change);
                 // The noise of a source of which the user says nothing is no finding.
-                if model.sources[source].unknown
-                    || state
-                        .changes
-                        .iter()
-                        .any(|accepted| accepted.source == source && accepted.change == change)
+                if model.sources[source].unknown || accepted || !blocks.contains(&block) || !wanted(candidate)
                 {
                     return None;
                 }
-                let index = model.blocks.iter().position(|block| block.sources.contains(&source))?;
-                if !blocks.contains(&index) {
-                    return None;
-                }
-                let fit = || self.view(index)?.fit(source, &model.sources[source], change);
-                Some((place, self.case.changes.get_or((self.key(index), source, change), fit)?))
+                let starts = self.promised_change(block, source, change)?;
+                let evidence = starts.iter().map(|start| start.evidence).fold(0.0, f64::max);
+                (!starts.is_empty()).then_some(NoisePromise {
+                    candidate,
+                    block,
+                    source,
+                    change,
+                    starts,
+                    evidence,
+                })
             })
             .collect();
-        found.sort_by(|a, b| a.1.ln_p.total_cmp(&b.1.ln_p));
-        found
+        promised.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+        let mut leading = vec![None; model.blocks.len()];
+        for promise in &promised {
+            leading[promise.block].get_or_insert(promise.candidate);
+        }
+        let (leaders, others): (Vec<NoisePromise>, Vec<NoisePromise>) =
+            promised.into_iter().partition(|promise| leading[promise.block] == Some(promise.candidate));
+        let fitted = |promises: Vec<NoisePromise>| -> Vec<(usize, usize, ChangeFit)> {
+            let fit = |promise: NoisePromise| {
+                let fit =
+                    self.fitted_change(promise.block, promise.source, promise.change, &promise.starts)?;
+                Some((promise.candidate, promise.block, fit))
+            };
+            promises.into_par_iter().filter_map(fit).collect()
+        };
+        let mut found = fitted(leaders);
+        let shown =
+            |block: usize| found.iter().find(|(_, of, _)| *of == block).map_or(0.0, |(_, _, fit)| -fit.ln_p);
+        let near = |promise: &NoisePromise| promise.evidence > FAR_PART * shown(promise.block) - FAR_NATS;
+        let others: Vec<NoisePromise> = others.into_iter().filter(near).collect();
+        found.extend(fitted(others));
+        found.sort_by(|(_, _, a), (_, _, b)| a.ln_p.total_cmp(&b.ln_p));
+        found.into_iter().map(|(candidate, _, fit)| (candidate, fit)).collect()
     }
 
     /// The best fit of one change of the noise of a source.
-    pub fn fit_change(&self, source: usize, origin: &Source, change: NoiseChange) -> Option<ChangeFit> {
-        let index = self.case.model.blocks.iter().position(|block| block.sources.contains(&source))?;
-        self.view(index)?.fit(source, origin, change)
+    pub fn fit_change(&self, source: usize, change: NoiseChange) -> Option<ChangeFit> {
+        let block = self.case.model.blocks.iter().position(|block| block.sources.contains(&source))?;
+        let starts = self.promised_change(block, source, change)?;
+        self.fitted_change(block, source, change, &starts)
+    }
+
+    /// What a change of a source's noise promises; `None` where there is nothing to whiten, or whoever watches has ended it.
+    fn promised_change(
+        &self,
+        block: usize,
+        source: usize,
+        change: NoiseChange,
+    ) -> Option<Vec<PromisedStart>> {
+        if self.case.watch.is_cancelled() {
+            return None;
+        }
+        let view = self.view(block)?;
+        let compute = || view.promised(source, &self.case.model.sources[source], change);
+        Some(self.case.promised.get_or((self.key(block), source, change), compute))
+    }
+
+    fn fitted_change(
+        &self,
+        block: usize,
+        source: usize,
+        change: NoiseChange,
+        starts: &[PromisedStart],
+    ) -> Option<ChangeFit> {
+        if self.case.watch.is_cancelled() {
+            return None;
+        }
+        let view = self.view(block)?;
+        self.case.changes.get_or((self.key(block), source, change), || view.fit(source, change, starts))
     }
 
     /// A block under its present noises.

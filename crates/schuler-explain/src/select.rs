@@ -8,18 +8,22 @@
 //!
 //! Several effects together look like noise of another structure, and may gain more as such than any of them alone. Where
 //! a change of noise was taken, the search is therefore done once more with terms first and noise after, and the better
-//! description of the two stands: the one with the larger log-likelihood less what its items cost.
+//! description of the two stands: the one with the larger log-likelihood less what its items cost. In the same way one
+//! change of noise may imitate two of other sources in the same channel, and gain more than either: where sources meet and
+//! a change was taken, the search is done again without it, and once from all parts that the user names, with the values
+//! that fit best together.
 use rayon::prelude::*;
 
-use crate::catalogue::{NoiseChange, Search, Target};
+use crate::catalogue::{Candidate, NoiseChange, Search, Target};
 use crate::description::{Term, blocks_of};
 use crate::jump::jumps;
 use crate::library::Library;
 use crate::noise::Knob;
 use crate::noise_change::ChangeFit;
+use crate::noise_fit::whittle_jointly;
 use crate::nominal::Model;
 use crate::search::{Family, Promise, Proposal, deterministic, evaluate, evidence, library, promises};
-use crate::state::{Accepted, Bench, Case, State, refitted};
+use crate::state::{Accepted, Bench, Case, State, refitted, refitted_above};
 use crate::statistics::ln_chi_squared_tail;
 use crate::watch::Phase;
 
@@ -37,6 +41,8 @@ const NOISE_WORTH_TRYING: f64 = 6.0;
 const TRIED_TOGETHER: usize = 3;
 /// Proposals that are judged with the free noise parameters refitted.
 const JUDGED_BESIDE_FREE_NOISE: usize = 6;
+/// Nats, above the price of its search, from which on an item is significant whatever its family.
+const BEYOND_DOUBT: f64 = 50.0;
 /// Most parts of a noise of which the user says nothing.
 const MOST_UNKNOWN_PARTS: usize = 2;
 
@@ -99,29 +105,87 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
     let first = Promised::new(&bench, &whole, &family);
     drop((bench, whole));
     let ln_level = level.ln();
-    let searched = |order: Order| {
-        let found = forward(case, &null, &family, ln_level, order, first.clone());
-        merged(case, found, &family, ln_level)
+    let searched = |way: Way| {
+        let found = match way {
+            Way::Parts(block) => {
+                let (start, bench, _) =
+                    pruned(case, parts(case, &null, block), Vec::new(), &family, ln_level);
+                let mut promised = first.clone();
+                promised.renew(&bench, &family, &|candidate| touches(case, candidate, &[block]));
+                forward(case, &start, &family, ln_level, way, promised)
+            }
+            _ => forward(case, &null, &family, ln_level, way, first.clone()),
+        };
+        let found = merged(case, found, &family, ln_level);
+        (worth(case, &found, &family), found)
     };
-    let mut found = searched(Order::Best);
-    if !found.0.changes.is_empty() {
-        let other = searched(Order::TermsFirst);
-        if worth(case, &other, &family) > worth(case, &found, &family) {
-            found = other;
+    let straight = searched(Way::Best);
+    let mut others = Vec::new();
+    if !straight.1.0.changes.is_empty() {
+        others.push(Way::TermsFirst);
+    }
+    for (index, block) in case.model.blocks.iter().enumerate() {
+        let own = straight.1.0.changes.iter().filter(|change| block.sources.contains(&change.source));
+        let without: Vec<Way> = own.map(|change| Way::Without(change.candidate)).collect();
+        if block.channels < block.sources.len() && !without.is_empty() {
+            others.extend(without);
+            others.push(Way::Parts(index));
         }
     }
-    let (state, bench, prices) = found;
-    let shown = shown(case, &state, &prices, &family);
+    let found = others.into_iter().map(searched);
+    let (_, (state, bench, prices)) =
+        found.fold(straight, |best, other| if other.0 > best.0 { other } else { best });
+    let shown = shown_up_to(case, &state, &prices, &family, f64::INFINITY);
     Selection { state, bench, family, shown, null }
 }
 
 /// What a round takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Order {
+enum Way {
     /// What shows most.
     Best,
     /// Terms while there are any, then what shows most.
     TermsFirst,
+    /// What shows most, but for the change of noise that is this candidate.
+    Without(usize),
+    /// What shows most beside the nominal parts of the noises of a block with other values.
+    Parts(usize),
+}
+
+/// All parts of the noises of a block that the user names, as changes, with the values that fit best together.
+fn parts(case: &Case<'_>, null: &State, block: usize) -> State {
+    let mut state = null.clone();
+    for &source in &case.model.blocks[block].sources {
+        let origin = &case.model.sources[source];
+        for change in [NoiseChange::White, NoiseChange::Markov, NoiseChange::ExponentialCosine] {
+            let is_of_change = |knob: &Knob| match knob {
+                Knob::White => change == NoiseChange::White,
+                Knob::MarkovSigma(_) | Knob::MarkovTau(_) => change == NoiseChange::Markov,
+                Knob::CosineSigma(_) | Knob::CosineAlpha(_) | Knob::CosineBeta(_) => {
+                    change == NoiseChange::ExponentialCosine
+                }
+                _ => false,
+            };
+            let knobs: Vec<Knob> = state.noises[source].knobs().into_iter().filter(is_of_change).collect();
+            let is_it = |candidate: &Candidate| {
+                let Target::Sensor(sensor) = candidate.target else { return false };
+                matches!(candidate.search, Search::Noise(other) if other == change)
+                    && case.model.source_of(sensor, candidate.port) == Some(source)
+            };
+            if let Some(candidate) = case.candidates.iter().position(is_it)
+                && !(knobs.is_empty() || origin.unknown)
+            {
+                let freedom = knobs.len();
+                state.changes.push(Accepted { candidate, source, change, knobs, freedom, ln_places: 0.0 });
+            }
+        }
+    }
+    let bench = Bench::new(case, &state.terms, &state.noises);
+    if let Some(spectrum) = bench.spectrum(block) {
+        let free = state.free_in(case.model, block);
+        state.noises = whittle_jointly(&case.model.blocks[block], spectrum, &state.noises, &free);
+    }
+    refitted(case, &state, Some(&[block])).0
 }
 
 /// What terms promise under a description, and what those that were evaluated show.
@@ -159,18 +223,18 @@ fn worth(case: &Case<'_>, (state, _, prices): &Found<'_>, family: &Family) -> f6
     state.log_likelihood - shown(case, state, prices, family).iter().map(cost).sum::<f64>()
 }
 
-/// Rounds of the search from `null`, where terms promise what `promised` says.
+/// Rounds of the search from `start`, where terms promise what `promised` says.
 fn forward<'c>(
     case: &'c Case<'c>,
-    null: &State,
+    start: &State,
     family: &Family,
     ln_level: f64,
-    order: Order,
+    way: Way,
     mut promised: Promised,
 ) -> Found<'c> {
-    let mut state = null.clone();
+    let mut state = start.clone();
     let mut bench = Bench::new(case, &state.terms, &state.noises);
-    let mut terms_only = order == Order::TermsFirst;
+    let mut terms_only = way == Way::TermsFirst;
     let mut prices: Vec<Price> = Vec::new();
     let mut noises: Vec<(usize, ChangeFit)> = Vec::new();
     // Blocks whose changes of noise are to be fitted anew.
@@ -201,7 +265,8 @@ fn forward<'c>(
             noises.retain(|(_, fit)| {
                 !unfitted.iter().any(|&block| case.model.blocks[block].sources.contains(&fit.source))
             });
-            noises.extend(bench.noise_changes(&state, &unfitted));
+            noises
+                .extend(bench.noise_changes(&state, &unfitted, &|candidate| way != Way::Without(candidate)));
             noises.sort_by(|a, b| a.1.ln_p.total_cmp(&b.1.ln_p));
             unfitted.clear();
             chosen = choose(case, &state, &bench, family, proposals, &noises, ln_level);
@@ -308,15 +373,14 @@ fn unknown_structure(case: &Case<'_>, mut state: State) -> State {
         let (fitted, bench) = refitted(case, &state, None);
         state = fitted;
         let mut added = false;
-        for (source, origin) in case.model.sources.iter().enumerate().filter(|(_, origin)| origin.unknown) {
-            let best = changes.iter().filter_map(|&change| bench.fit_change(source, origin, change)).max_by(
-                |a, b| {
+        for (source, _) in case.model.sources.iter().enumerate().filter(|(_, origin)| origin.unknown) {
+            let best =
+                changes.iter().filter_map(|&change| bench.fit_change(source, change)).max_by(|a, b| {
                     let score = |fit: &ChangeFit| {
                         fit.gain - 0.5 * fit.knobs.len() as f64 * (case.model.rows as f64).ln()
                     };
                     score(a).total_cmp(&score(b))
-                },
-            );
+                });
             if let Some(fit) = best
                 && fit.gain > 0.5 * fit.knobs.len() as f64 * (case.model.rows as f64).ln()
             {
@@ -468,6 +532,11 @@ fn choose(
 
 /// The state without an item, refitted.
 pub fn without<'c>(case: &'c Case<'c>, state: &State, item: Item) -> (State, Bench<'c>) {
+    refitted(case, &taken_out(case, state, item), None)
+}
+
+/// The state without an item, everything else as it was.
+fn taken_out(case: &Case<'_>, state: &State, item: Item) -> State {
     let mut less = state.clone();
     match item {
         Item::Term(place) => {
@@ -489,7 +558,7 @@ pub fn without<'c>(case: &'c Case<'c>, state: &State, item: Item) -> (State, Ben
             }
         }
     }
-    refitted(case, &less, None)
+    less
 }
 
 /// The state without items that are no longer significant.
@@ -560,7 +629,7 @@ fn merged<'c>(
         let blocks: Vec<usize> = (0..case.model.blocks.len())
             .filter(|&block| case.model.blocks[block].sources.contains(&source))
             .collect();
-        let fits = less_bench.noise_changes(&less, &blocks);
+        let fits = less_bench.noise_changes(&less, &blocks, &|_| true);
         let best = fits.into_iter().filter(|(_, fit)| fit.source == source).max_by(|a, b| {
             let score = |fit: &ChangeFit| {
                 fit.gain - penalty(fit.gain, &Price { freedom: fit.freedom, ln_places: fit.ln_places })
@@ -583,14 +652,23 @@ fn merged<'c>(
     (state, bench, prices)
 }
 
-/// What each item shows beside all others.
+/// What each item shows beside all others; of one that is significant beyond doubt, nearly.
 fn shown(case: &Case<'_>, state: &State, prices: &[Price], family: &Family) -> Vec<(Item, Shown)> {
+    shown_up_to(case, state, prices, family, BEYOND_DOUBT)
+}
+
+/// The same, exact for what gains less than `doubtful` nats above the price of its search.
+fn shown_up_to(
+    case: &Case<'_>,
+    state: &State,
+    prices: &[Price],
+    family: &Family,
+    doubtful: f64,
+) -> Vec<(Item, Shown)> {
     let terms = (0..state.terms.len()).map(Item::Term);
     let items = terms.chain((0..state.changes.len()).map(Item::Change));
     items
         .map(|item| {
-            let (less, _) = without(case, state, item);
-            let gain = state.log_likelihood - less.log_likelihood;
             let (candidate, price) = match item {
                 Item::Term(place) => (state.terms[place].candidate, prices[place]),
                 Item::Change(place) => {
@@ -598,6 +676,9 @@ fn shown(case: &Case<'_>, state: &State, prices: &[Price], family: &Family) -> V
                     (change.candidate, Price { freedom: change.freedom, ln_places: change.ln_places })
                 }
             };
+            let least = state.log_likelihood - price.ln_places - doubtful;
+            let (less, _) = refitted_above(case, &taken_out(case, state, item), None, least);
+            let gain = state.log_likelihood - less.log_likelihood;
             let evidence = evidence(gain, price.freedom, price.ln_places);
             (item, Shown { gain, evidence, ln_p: family.ln_p(&case.candidates[candidate], evidence) })
         })

@@ -1,17 +1,19 @@
 //! Where the selection stands: terms, noises and which of their parameters are free, and everything whitened under it.
+use std::borrow::Cow;
 use std::collections::VecDeque;
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use crate::catalogue::{Candidate, NoiseChange};
-use crate::description::{Delays, Filters, Projected, Sums, Term, evaluate, places, project};
+use crate::catalogue::{Candidate, NoiseChange, Search};
+use crate::description::{Delays, Filters, Projected, Sums, Term, evaluate, places, project, solve_or_none};
 use crate::jump::Decoded;
 use crate::least_squares::{Solution, dot, solve};
 use crate::library::Products;
 use crate::noise::{Knob, Noise};
-use crate::noise_change::ChangeFit;
+use crate::noise_change::{ChangeFit, PromisedStart};
 use crate::noise_fit::{NoiseFit, SourceKnob, polish};
 use crate::nominal::Model;
 use crate::spectrum::Spectrum;
@@ -35,6 +37,8 @@ pub struct Case<'c> {
     kept: Mutex<VecDeque<(Key, Arc<Whitened>)>>,
     /// Noises that were fitted, by what they were fitted to and their free parameters.
     fits: Memo<(Key, Vec<SourceKnob>), NoiseFit>,
+    /// What changes of a source's noise promised.
+    pub(crate) promised: Memo<(Key, usize, NoiseChange), Vec<PromisedStart>>,
     /// Changes of a source's noise that were fitted.
     pub(crate) changes: Memo<(Key, usize, NoiseChange), Option<ChangeFit>>,
     /// Histories of the jumps of a sensor.
@@ -54,12 +58,19 @@ impl<K: PartialEq, V: Clone> Memo<K, V> {
 
     /// The value of a key, computed if it was not.
     pub fn get_or(&self, key: K, compute: impl FnOnce() -> V) -> V {
+        self.get_or_if(key, compute, |_| true)
+    }
+
+    /// The same, kept if it `is_final`.
+    fn get_or_if(&self, key: K, compute: impl FnOnce() -> V, is_final: impl FnOnce(&V) -> bool) -> V {
         let known = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, value)) = known().iter().find(|(other, _)| *other == key) {
             return value.clone();
         }
         let value = compute();
-        known().push((key, value.clone()));
+        if is_final(&value) {
+            known().push((key, value.clone()));
+        }
         value
     }
 }
@@ -69,7 +80,7 @@ impl<K: PartialEq, V: Clone> Memo<K, V> {
 pub struct Key {
     block: usize,
     noises: Vec<Noise>,
-    terms: Vec<(usize, Vec<f64>, f64)>,
+    terms: Vec<(usize, Vec<f64>, u64)>,
 }
 
 impl<'c> Case<'c> {
@@ -87,6 +98,7 @@ impl<'c> Case<'c> {
             watch,
             kept: Mutex::new(VecDeque::new()),
             fits: Memo::new(),
+            promised: Memo::new(),
             changes: Memo::new(),
             jumps: Memo::new(),
             products: Memo::new(),
@@ -94,14 +106,19 @@ impl<'c> Case<'c> {
     }
 
     /// What tells terms of a candidate apart whose signature was made from the readings and not from parameters.
-    fn mark(&self, term: &Term) -> f64 {
-        let of_readings =
-            |candidate: &Candidate| matches!(candidate.search, crate::catalogue::Search::Readings(_));
+    fn mark(&self, term: &Term) -> u64 {
+        let of_readings = |candidate: &Candidate| matches!(candidate.search, Search::Readings(_));
         if !self.candidates.get(term.candidate).is_some_and(of_readings) {
-            return 0.0;
+            return 0;
         }
-        let values = term.columns.iter().flat_map(|column| &column.parts).flat_map(|(_, values)| values);
-        values.enumerate().map(|(row, value)| (row + 1) as f64 * value).sum()
+        let mut hasher = DefaultHasher::new();
+        for (sensor, values) in term.columns.iter().flat_map(|column| &column.parts) {
+            sensor.hash(&mut hasher);
+            for value in values {
+                value.to_bits().hash(&mut hasher);
+            }
+        }
+        hasher.finish()
     }
 
     /// What a block depends on under a description.
@@ -266,11 +283,7 @@ impl<'c> Bench<'c> {
                 }
             }
         }
-        let solution = if size > 0 {
-            solve(&normal, &scores)
-        } else {
-            Solution { gain: 0.0, amplitudes: DVector::zeros(0), covariance: DMatrix::zeros(0, 0), rank: 0 }
-        };
+        let solution = solve_or_none(&normal, &scores);
         log_likelihood += solution.gain;
         Self {
             case,
@@ -367,13 +380,11 @@ impl<'c> Bench<'c> {
         };
         let columns =
             a.columns.iter().map(|column| (column, a.port)).chain(b.columns.iter().map(|c| (c, b.port)));
-        let parts: Vec<Vec<f64>> = columns
-            .map(|(column, port)| self.case.model.blocks[0].project(column, port).unwrap_or_default())
-            .collect();
-        if parts.iter().any(Vec::is_empty) {
-            return normal;
-        }
-        let views: Vec<&[f64]> = parts.iter().map(Vec::as_slice).collect();
+        let model = self.case.model;
+        let parts: Option<Vec<_>> =
+            columns.map(|(column, port)| model.blocks[0].project(column, port)).collect();
+        let Some(parts) = parts else { return normal };
+        let views: Vec<&[f64]> = parts.iter().map(AsRef::as_ref).collect();
         let whitened = filter.whiten(&views);
         for (i, column) in whitened.iter().enumerate() {
             for (j, &other) in self.places[0].iter().enumerate() {
@@ -403,7 +414,7 @@ impl<'c> Bench<'c> {
             .collect();
         for (index, block) in self.blocks.iter().enumerate() {
             let (Some(block), Some(filter)) = (block, &self.filters.of_block[index]) else { continue };
-            let parts: Vec<(usize, Vec<f64>)> = (columns.iter().enumerate())
+            let parts: Vec<(usize, Cow<'_, [f64]>)> = (columns.iter().enumerate())
                 .filter_map(|(place, column)| {
                     Some((place, self.case.model.blocks[index].project(column, term.port)?))
                 })
@@ -411,7 +422,7 @@ impl<'c> Bench<'c> {
             if parts.is_empty() {
                 continue;
             }
-            let views: Vec<&[f64]> = parts.iter().map(|(_, values)| values.as_slice()).collect();
+            let views: Vec<&[f64]> = parts.iter().map(|(_, values)| values.as_ref()).collect();
             let whitened = filter.whiten(&views);
             let data = &block.columns[0];
             if term.unit_amplitude {
@@ -471,6 +482,16 @@ fn remainder(whitened: &[Vec<f64>], sums: &Sums) -> Vec<f64> {
 /// The state of `terms` with its free noise parameters at the maximum of the likelihood; blocks outside `only` keep
 /// their noises.
 pub fn refitted<'c>(case: &'c Case<'c>, state: &State, only: Option<&[usize]>) -> (State, Bench<'c>) {
+    refitted_above(case, state, only, f64::NEG_INFINITY)
+}
+
+/// The same where it is enough to know that the log-likelihood stays below `least`, if it does: a fit that shows so ends there.
+pub fn refitted_above<'c>(
+    case: &'c Case<'c>,
+    state: &State,
+    only: Option<&[usize]>,
+    least: f64,
+) -> (State, Bench<'c>) {
     let mut bench = Bench::new(case, &state.terms, &state.noises);
     let mut state = state.clone();
     let mut moved = false;
@@ -483,9 +504,16 @@ pub fn refitted<'c>(case: &'c Case<'c>, state: &State, only: Option<&[usize]>) -
             }
             let whitened = bench.blocks[index].as_ref()?;
             let spectrum = bench.spectrum(index)?;
-            let fit = case.fits.get_or((bench.key(index), free.clone()), || {
-                polish(&case.model.blocks[index], spectrum, &whitened.projected, &state.noises, &free)
-            });
+            let least = whitened.log_likelihood + least - bench.log_likelihood;
+            let fit = case.fits.get_or_if(
+                (bench.key(index), free.clone()),
+                || {
+                    let block = &case.model.blocks[index];
+                    polish(block, spectrum, &whitened.projected, &state.noises, &free, least)
+                },
+                // One that ended early is no maximum.
+                |fit| fit.log_likelihood >= least,
+            );
             (fit.log_likelihood > whitened.log_likelihood).then_some((index, fit))
         })
         .collect();

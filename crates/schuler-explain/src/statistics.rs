@@ -4,7 +4,7 @@
 //! | --- | --- |
 //! | [`ln_chi_squared_tail`] | incomplete gamma function by its continued fraction (Press et al., Numerical Recipes, 6.2) |
 //! | [`ln_rough_scan_tail`] | maximum of a process whose correlation falls linearly (Siegmund, Sequential Analysis, 1985) |
-//! | [`ln_smooth_scan_tail`] | maximum of a smooth process, by arc length (Efron, The length heuristic, 1997) |
+//! | [`maxima_per_place`] | maxima of a process whose correlation falls as any power (Pickands, Trans. AMS 145, 1969) |
 //! | [`ln_frequency_scan_tail`] | maximum of a periodogram over all frequencies (Baluev, MNRAS 385, 2008) |
 //! | [`ljung_box`] | Ljung & Box, 1978 |
 use realfft::RealFftPlanner;
@@ -99,16 +99,32 @@ pub fn ln_rough_scan_tail(u: f64, correlations: impl Iterator<Item = f64>) -> f6
     ln_scaled(u, 1.0 + clusters)
 }
 
-/// ln P(max |z| > `u`) over a chain of standard normals whose neighbours have the given correlations, where the chain
-/// is smooth.
-pub fn ln_smooth_scan_tail(u: f64, correlations: impl Iterator<Item = f64>) -> f64 {
-    if u < 1.0 {
-        return 0.0;
+/// Separate maxima above `u` a place of a chain of standard normals, in units of the tail at one place; `forgotten` holds 1 − ρ at
+/// the distances 1, 2, 4 ….
+///
+/// With 1 − ρ = c n^α the maxima above a high `u` are H_α u^(2/α) c^(1/α) a place, so that what counts is the distance at which
+/// 1 − ρ is 1/u², and the power α about it. H_α, Pickands's constant, is 1 for a random walk's α = 1 and π^(−½) for a smooth
+/// process's α = 2.
+pub fn maxima_per_place(u: f64, forgotten: &[f64]) -> f64 {
+    let reached = u.powi(-2);
+    let at = forgotten.iter().position(|&part| part >= reached);
+    // The pair of distances about it, or the last one.
+    let before =
+        at.unwrap_or(forgotten.len()).max(1).min(forgotten.len().saturating_sub(1)).saturating_sub(1);
+    let (Some(&near), far) = (forgotten.get(before), forgotten.get(before + 1)) else { return 0.0 };
+    // The distance, as the place counts its doublings.
+    let doublings = (before as f64).exp2();
+    if near <= 0.0 {
+        return far.filter(|&&far| far >= reached).map_or(0.0, |_| 0.5 / doublings);
     }
-    // Each arc adds (4/u) φ(u) [Φ(uθ/2) − ½], in units of 2φ(u)/u.
-    let arcs: f64 =
-        correlations.map(|rho| 2.0 * (normal_cdf(0.5 * u * rho.clamp(-1.0, 1.0).abs().acos()) - 0.5)).sum();
-    ln_scaled(u, 1.0 + arcs)
+    let power = far.map_or(1.0, |far| (far / near).log2()).clamp(1.0, 2.0);
+    let distance = doublings * (reached / near).powf(power.recip());
+    std::f64::consts::PI.powf(0.5 * (1.0 - power)) * overshoot((2.0 / distance).sqrt()) / distance
+}
+
+/// ln P(max |z| > `u`) over a chain of standard normals with so many separate maxima, in units of the tail at one place.
+pub fn ln_scan_tail(u: f64, maxima: f64) -> f64 {
+    if u < 1.0 { 0.0 } else { ln_scaled(u, 1.0 + maxima) }
 }
 
 /// ln P(max gain > `gain`) of a sinusoid over all frequencies of a record of `count` values, where the gain in
@@ -194,10 +210,29 @@ mod tests {
         let u = 4.0;
         let all = ln_rough_scan_tail(u, std::iter::repeat_n(0.0, 99)).exp();
         assert!((all / (100.0 * two_sided(u)) - 1.0).abs() < 0.1, "{all}");
-        let all = ln_smooth_scan_tail(u, std::iter::repeat_n(0.0, 99)).exp();
-        assert!((all / (100.0 * two_sided(u)) - 1.0).abs() < 0.05, "{all}");
+        let maxima = 99.0 * maxima_per_place(u, &[1.0, 1.0, 1.0]);
+        let all = ln_scan_tail(u, maxima).exp();
+        assert!((all / (100.0 * two_sided(u)) - 1.0).abs() < 0.1, "{all}");
         assert!(
             (ln_rough_scan_tail(u, std::iter::repeat_n(1.0, 99)).exp() / two_sided(u) - 1.0).abs() < 1e-9
         );
+    }
+
+    /// A random walk's and a smooth chain's maxima are those of the formulas for them alone.
+    #[test]
+    fn maxima_depend_on_how_correlations_fall() {
+        let u = 4.5;
+        let chain = |power: f64| -> Vec<f64> {
+            (0..12).map(|lag| 1e-4 * 2.0_f64.powf(power * f64::from(lag))).collect()
+        };
+        let rough = 1000.0 * maxima_per_place(u, &chain(1.0));
+        let expected =
+            ln_rough_scan_tail(u, std::iter::repeat_n(1.0 - 1e-4, 1000)).exp() / two_sided(u) - 1.0;
+        assert!((rough / expected - 1.0).abs() < 0.05, "{rough} {expected}");
+        // Rice: a smooth process with 1 − ρ = ½ λ t² crosses u upwards √λ φ(u)/√(2π) times a unit of t, in each direction.
+        let smooth = maxima_per_place(u, &chain(2.0));
+        let expected =
+            (2e-4_f64).sqrt() * normal_density(u) / std::f64::consts::TAU.sqrt() / (0.5 * two_sided(u));
+        assert!((smooth / expected - 1.0).abs() < 0.1, "{smooth} {expected}");
     }
 }

@@ -24,8 +24,10 @@ const SETTLED_ROWS: usize = 16;
 const FEW_STATES: usize = 3;
 /// What is too small to matter.
 const FLUSH: f64 = 1e-140;
-/// Rows without one missing from which on not all of their gains are computed.
+/// Rows without one missing from which on not all of their gains are computed: of a filter of any size, and of one of few states,
+/// whose rows cost little.
 const LONG_ROWS: usize = 200;
+const LONG_ROWS_OF_FEW: usize = 2000;
 /// Marks a missing row.
 const MISSING: u32 = u32::MAX;
 
@@ -85,25 +87,27 @@ macro_rules! run {
 impl Filter {
     /// The filter of `space` over rows that are `present` or not; `None` where the model is singular.
     pub fn new(space: &Space, present: &[bool]) -> Option<Self> {
-        Self::with_long(space, present, LONG_ROWS)
+        Self::with_long(space, present, [LONG_ROWS_OF_FEW, LONG_ROWS])
     }
 
     /// The same with the gain of every row computed.
     #[cfg(test)]
     pub fn of_every_row(space: &Space, present: &[bool]) -> Option<Self> {
-        Self::with_long(space, present, usize::MAX)
+        Self::with_long(space, present, [usize::MAX; 2])
     }
 
-    fn with_long(space: &Space, present: &[bool], long_rows: usize) -> Option<Self> {
+    fn with_long(space: &Space, present: &[bool], [of_few, of_many]: [usize; 2]) -> Option<Self> {
         if space.channels == 0 {
             return None;
         }
         match (space.channels, space.states) {
-            (1, 0 | 1) => gains_of_few::<1>(space, present, long_rows),
-            (1, 2) => gains_of_few::<2>(space, present, long_rows),
-            (1, 3) => gains_of_few::<3>(space, present, long_rows),
-            (1, 4) => gains_of_few::<4>(space, present, long_rows),
-            _ => gains_of_many(space, present, long_rows),
+            (1, 0 | 1) => gains_of_few::<1>(space, present, of_few),
+            (1, 2) => gains_of_few::<2>(space, present, of_few),
+            (1, 3) => gains_of_few::<3>(space, present, of_few),
+            (1, 4) => gains_of_few::<4>(space, present, of_few),
+            (1, 5 | 6) => gains_of_few::<6>(space, present, of_few),
+            (1, 7 | 8) => gains_of_few::<8>(space, present, of_few),
+            _ => gains_of_many(space, present, of_many),
         }
     }
 
@@ -900,15 +904,18 @@ mod tests {
         assert_eq!(scores[20], 0.0);
     }
 
+    /// A gain that no longer changes is kept once, and whitens as those that are computed row after row.
     #[test]
     fn a_settled_gain_changes_nothing() {
         let space = Space { white_from: None, ..space() };
-        let filter = Filter::new(&space, &[true; 3000]).unwrap();
-        assert!(filter.gains.len() / (3 * 2 + 4) < 300);
-        let exact = Filter { index: filter.index.clone(), ..filter.settled_filter(3000) };
-        let (k, w) = filter.settled();
-        let (k_again, w_again) = filter.settled_filter(10).settled();
-        assert_eq!((k, w), (k_again, w_again));
-        assert_eq!(exact.rows(), 3000);
+        let settling = Filter::new(&space, &[true; 3000]).unwrap();
+        assert!(settling.gains.len() / (3 * 2 + 4) < 300);
+        let every = Filter::of_every_row(&space, &[true; 3000]).unwrap();
+        assert!((settling.log_variances - every.log_variances).abs() < 1e-9 * every.log_variances.abs());
+        let mut random = Pcg64::seed_from_u64(5);
+        let data: Vec<f64> = (0..2 * 3000).map(|_| random.random::<f64>() - 0.5).collect();
+        let whitened =
+            [settling, every].map(|filter| DVector::from_vec(filter.whiten(&[&data]).swap_remove(0)));
+        assert!((&whitened[0] - &whitened[1]).amax() < 1e-9);
     }
 }

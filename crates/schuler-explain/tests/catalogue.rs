@@ -531,25 +531,51 @@ fn a_lever_arm_is_the_cross_products() {
 }
 
 #[test]
-fn coning_is_rectified_to_half_the_square_over_the_frequency() {
+fn coning_is_what_a_rotation_vector_lacks() {
     const RATE: f64 = 0.05;
     const OMEGA: f64 = TAU * 2.0;
-    let mut scene = Scene::new(MotionKind::Recorded, 60_001, 0.005)
+    let mut scene = Scene::new(MotionKind::Recorded, 6001, 0.005)
         .sensor("g", SensorKind::Fog, Unit::DegreePerHour, [1.0, 0.0, 0.0])
         .sensor("a", SensorKind::Accelerometer, Unit::MicroG, [1.0, 0.0, 0.0]);
     scene.0.motion.rate =
-        Some(scene.columns([|_| 0.0, |t| RATE * (OMEGA * t).cos(), |t| RATE * (OMEGA * t).sin()]));
+        Some(scene.columns([|_| 0.3, |t| RATE * (OMEGA * t).cos(), |t| RATE * (OMEGA * t).sin()]));
     let inputs = Inputs::new(&scene.0);
     let found = at(&inputs, "coning_sculling", 0, &[]);
-    let corner = 0.2;
-    let values = column(&found[0], &[corner], 0, scene.0.len());
-    // With what is left below the corner, x = ωτ: ½ Ω²/ω · x²/(1 + x²).
-    let x = OMEGA / (TAU * corner);
-    let expected = 0.5 * RATE * RATE / OMEGA * x * x / (1.0 + x * x);
-    let late = &values[20_000..];
-    let error = late.iter().map(|value| (value - expected).abs()).fold(0.0, f64::max) / expected;
-    assert!(error < 2e-3, "off by {error:.2e}");
+    for (frequency_hz, readings_s) in [(200.0, 0.005), (7.0, 29.0 * 0.005), (0.8, 1.25)] {
+        let values = column(&found[0], &[frequency_hz], 0, scene.0.len());
+        // ½ ∫ θ × ω dt/T with θ from the beginning of T, x = Ω T; the steady rate about the axis adds nothing.
+        let x: f64 = OMEGA * readings_s;
+        let expected = 0.5 * RATE * RATE / OMEGA * (1.0 - x.sin() / x);
+        let settled = &values[300..];
+        let error = settled.iter().map(|value| (value - expected).abs()).fold(0.0, f64::max) / expected;
+        assert!(error < 2e-3, "{frequency_hz} Hz: off by {error:.2e}");
+    }
     assert!(at(&inputs, "coning_sculling", 1, &[]).is_empty(), "no force was recorded");
+}
+
+/// A table that turns about one axis after the other, seconds apart, does not cone.
+#[test]
+fn turns_about_one_axis_are_no_coning() {
+    let mut scene = Scene::new(MotionKind::Recorded, 6001, 0.05).sensor(
+        "g",
+        SensorKind::Fog,
+        Unit::DegreePerHour,
+        [0.0, 0.0, 1.0],
+    );
+    let turns: [fn(f64) -> f64; 3] = [
+        |t| if (50.0..100.0).contains(&t) { 0.5 } else { 0.0 },
+        |t| if (150.0..200.0).contains(&t) { -0.3 } else { 0.0 },
+        |_| 7e-5,
+    ];
+    scene.0.motion.rate = Some(scene.columns(turns));
+    let inputs = Inputs::new(&scene.0);
+    let found = at(&inputs, "coning_sculling", 0, &[]);
+    let values = column(&found[0], &[1.0], 0, scene.0.len());
+    assert!(
+        values.iter().all(|value| value.abs() < 1e-12),
+        "{:e}",
+        values.iter().fold(0.0_f64, |a, b| a.max(b.abs()))
+    );
 }
 
 #[test]
@@ -989,9 +1015,14 @@ fn an_effect_is_not_offered_where_its_own_need_is_not_met() {
     scene.0.motion.rate = Some(scene.columns([|t| 0.5 + 0.1 * (0.02 * t).sin(), |_| 0.0, |_| 0.0]));
     scene.0.motion.specific_force =
         Some(scene.columns([|_| 0.0, |_| 0.0, |t| -9.8 + 0.1 * (0.01 * t).sin()]));
-    for id in
-        ["bias_temperature", "bias_temperature_rate", "scale_factor", "scale_factor_temperature", "g_spin"]
-    {
+    for id in [
+        "bias_temperature",
+        "bias_temperature_rate",
+        "dead_zone",
+        "scale_factor",
+        "scale_factor_temperature",
+        "g_spin",
+    ] {
         assert!(offered(&scene, id), "{id}: the temperature, one rate and one force vary");
     }
     for (id, why) in [
@@ -1001,7 +1032,6 @@ fn an_effect_is_not_offered_where_its_own_need_is_not_met() {
         ("bias_electronics_temperature", "no thermometer there"),
         ("scale_factor_asymmetry", "one sign"),
         ("scale_factor_odd_quadratic", "one sign"),
-        ("dead_zone", "never small"),
         ("misalignment_temperature", "nothing across"),
         ("cross_coupling", "one force"),
         ("g_mass_unbalance", "no force along the axis"),
@@ -1019,6 +1049,13 @@ fn an_effect_is_not_offered_where_its_own_need_is_not_met() {
     ] {
         assert!(!offered(&scene, id), "{id}: {why}");
     }
+    // A dead zone that nothing passes is one, and one between inputs is found between them.
+    let inputs = Inputs::new(&scene.0);
+    let zone = at(&inputs, "dead_zone", 0, &[]);
+    let Search::Grid { parameters, .. } = &zone[0].search else { panic!("a threshold is searched") };
+    let largest = *parameters[0].grid.last().unwrap();
+    let all = column(&zone[0], &[largest], 0, scene.0.time_s.len());
+    assert!(all.iter().all(|value| (-0.61..=-0.39).contains(value)), "nothing passes");
     // A coarse thermometer that dithers over one step says nothing of the temperature.
     let coarse = Scene::new(MotionKind::Static, 4000, 1.0)
         .sensor("g", SensorKind::Fog, Unit::DegreePerHour, [1.0, 0.0, 0.0])

@@ -14,9 +14,10 @@ use schuler_explain::explain::{Error, Options, explain_with};
 use schuler_explain::explanation::{Explanation, Verdict};
 use schuler_explain::inputs::Inputs;
 use schuler_recording::Recording;
-use schuler_recording::case::{Case, Markov, Motion, MotionKind, Nominal, Sensor, SensorKind, Source};
-use schuler_recording::recording::{MotionSeries, Quality, SensorSeries};
+use schuler_recording::case::{Markov, MotionKind, Nominal, SchulerLoop, SensorKind};
 use schuler_recording::unit::Unit;
+
+mod common;
 
 macro_rules! effect {
     ($name:ident, $id:literal) => {
@@ -34,6 +35,8 @@ macro_rules! effect {
 }
 
 effect!(TREND, "trend");
+effect!(CONSTANT, "constant");
+effect!(WARM, "warm");
 effect!(WAVE, "wave");
 effect!(WAVE_RATE, "wave_rate");
 effect!(LAGGED, "lagged");
@@ -173,53 +176,16 @@ fn noise(seed: u64, rows: usize) -> Vec<f64> {
 }
 
 fn recording(series: Vec<Vec<f64>>) -> Recording {
-    let rows = series.first().map_or(0, Vec::len);
-    let sensors: Vec<SensorSeries> = series
-        .into_iter()
-        .enumerate()
-        .map(|(index, values)| SensorSeries {
-            sensor: Sensor {
-                id: format!("sensor_{index}"),
-                kind: SensorKind::Doppler,
-                column: format!("s{index}"),
-                unit: Unit::MetrePerSecond,
-                axis: Some([1.0, 0.0, 0.0]),
-                group: None,
-                spin_axis: None,
-                quantisation: 0.0,
-                relative: false,
-                nominal: Nominal {
-                    white: WHITE_SIGMA,
-                    markov: Some(Markov { sigma: MARKOV_SIGMA, tau_s: TAU_S }),
-                    ..Nominal::default()
-                },
-            },
-            written_unit: Unit::MetrePerSecond,
-            values,
-            quality: Quality::default(),
-        })
-        .collect();
-    Recording {
-        case: Case {
-            title: String::new(),
-            recording: Source { path: "x.csv".into(), time: "t".to_owned(), step_s: Some(1.0) },
-            site: None,
-            motion: Motion { kind: MotionKind::Static, ..Motion::default() },
-            schuler_loop: None,
-            sensors: sensors.iter().map(|series| series.sensor.clone()).collect(),
-            auxiliaries: Vec::new(),
-            calibration: None,
-        },
-        step_s: 1.0,
-        time_s: (0..rows).map(|row| row as f64).collect(),
-        inserted: vec![false; rows],
-        gaps: Vec::new(),
-        sensors,
-        auxiliaries: Vec::new(),
-        motion: MotionSeries::default(),
-        table_angle: None,
-        warnings: Vec::new(),
-    }
+    let nominal = Nominal {
+        white: WHITE_SIGMA,
+        markov: Some(Markov { sigma: MARKOV_SIGMA, tau_s: TAU_S }),
+        ..Nominal::default()
+    };
+    let kind = (SensorKind::Doppler, Unit::MetrePerSecond);
+    let sensors = series.into_iter().enumerate().map(|(index, values)| {
+        common::series(&format!("sensor_{index}"), kind, [1.0, 0.0, 0.0], nominal.clone(), values)
+    });
+    common::recording(MotionKind::Static, sensors.collect())
 }
 
 fn answer(series: Vec<Vec<f64>>, hold_out: bool) -> Result<Explanation, Error> {
@@ -261,6 +227,63 @@ fn nothing_is_found_where_nothing_is_hidden() {
         .collect();
     println!("{} of {TRIALS}: {false_alarms:?}", false_alarms.len());
     assert!(false_alarms.len() <= most(TRIALS, 0.01), "{false_alarms:?}");
+}
+
+/// The velocity error of a Schuler loop as its nominal model says.
+fn loop_noise(seed: u64, rows: usize, of: &SchulerLoop) -> Vec<f64> {
+    let mut random = Pcg64::seed_from_u64(seed);
+    let [a, w] = [of.accelerometer, of.gyro].map(|part| {
+        let part = part.unwrap();
+        markov(&mut random, rows, part.sigma, part.tau_s)
+    });
+    let (mut velocity, mut tilt) = (0.0, 0.0);
+    (0..rows)
+        .map(|row| {
+            let white: f64 = StandardNormal.sample(&mut random);
+            let now = velocity + of.velocity_white * white;
+            velocity += a[row] - of.gravity * tilt;
+            tilt += w[row] + velocity / of.radius_m;
+            now
+        })
+        .collect()
+}
+
+/// An accelerometer's step is integrated by the loop: its scores at neighbouring onsets are nearly the same, and yet there are
+/// many onsets.
+#[test]
+fn onsets_inside_a_loop_are_counted() {
+    const TRIALS: usize = 150;
+    const LEVEL: f64 = 0.5;
+    // The share of the level that onsets have.
+    const SHARE: f64 = 0.2;
+    let of = SchulerLoop {
+        radius_m: 6.371e6,
+        gravity: 9.806_65,
+        accelerometer: Some(Markov { sigma: 2e-4, tau_s: 200.0 }),
+        gyro: Some(Markov { sigma: 5e-8, tau_s: 1500.0 }),
+        velocity_white: 0.05,
+    };
+    let false_alarms = (0..TRIALS as u64).into_par_iter().filter(|&seed| {
+        let kind = (SensorKind::InsVelocity, Unit::MetrePerSecond);
+        let values = loop_noise(60_000 + seed, 5000, &of);
+        let series = common::series("velocity", kind, [1.0, 0.0, 0.0], Nominal::default(), values);
+        let mut recording = common::recording(MotionKind::VelocityError, vec![series]);
+        recording.case.schuler_loop = Some(of);
+        let inputs = Inputs::new(&recording);
+        let ports = [Port::Output, Port::Accelerometer, Port::Gyro];
+        let at = |port: Port| {
+            [(&STEP, OnsetShape::Step), (&RAMP, OnsetShape::Ramp)]
+                .map(|(effect, shape)| Candidate { port, ..candidate(effect, 0, Search::Onset(shape)) })
+        };
+        let options = Options { level: LEVEL, hold_out: false };
+        let answer = explain_with(&inputs, ports.into_iter().flat_map(at).collect(), &options).unwrap();
+        !answer.findings.is_empty()
+    });
+    let false_alarms = false_alarms.count();
+    println!("{false_alarms} of {TRIALS} at {}", SHARE * LEVEL);
+    assert!(false_alarms <= most(TRIALS, SHARE * LEVEL), "{false_alarms}");
+    // Not by a price that nothing can pay.
+    assert!(false_alarms >= 3, "{false_alarms}");
 }
 
 /// Share of `trials` in which the effect is in the class of the first finding on the first sensor, and nothing else is
@@ -729,4 +752,36 @@ fn noise_that_nobody_knows_is_estimated_and_said() {
     let answer = explain_with(&inputs, candidates(ROWS, 1), &options).unwrap();
     assert!(answer.findings.is_empty(), "{:?}", answer.findings);
     assert!(answer.notes.iter().any(|note| note.contains("estimated")));
+}
+
+/// A dependence on a wave whose reference is free holds the constant as a part, and is the name only where the wave shows.
+#[test]
+fn a_constant_is_not_called_what_holds_it_as_a_part() {
+    let rows = 2000;
+    let waved: Vec<f64> = (0..rows).map(|row| wave(row as f64, rows as f64)).collect();
+    let ones = vec![1.0; rows];
+    // The coefficient of the wave in its standard deviations, if it is the name.
+    let found = |seed: u64, of_wave: f64| {
+        let values = with(noise(seed, rows), |time| 2.0 + of_wave * wave(time, rows as f64));
+        let recording = recording(vec![values]);
+        let inputs = Inputs::new(&recording);
+        let columns = [&waved, &ones].map(|values| Column { parts: vec![(0, values.clone())] });
+        let mut warm = candidate(&WARM, 0, Search::Linear(Signature { columns: columns.to_vec() }));
+        warm.amplitudes.push(Amplitude { name: "at_mean".to_owned(), ..amplitude() });
+        let constant = candidate(&CONSTANT, 0, Search::Linear(signature(0, ones.clone())));
+        let options = Options { hold_out: false, ..Options::default() };
+        let explanation = explain_with(&inputs, vec![constant, warm], &options).expect("it can be explained");
+        let whole = explanation.findings.into_iter().find(|finding| finding.effect == "warm")?;
+        let coefficient = whole.parameters.into_iter().find(|parameter| parameter.name == "coefficient")?;
+        Some(coefficient.value? / coefficient.sigma?)
+    };
+    let mut named = 0;
+    for (seed, step) in (0..3).flat_map(|seed| (-20..=20).map(move |step| (seed, step))) {
+        if let Some(deviations) = found(seed, 0.05 * f64::from(step)) {
+            // Significant at 1 % among two; by its evidence alone the whole would lead from 2.2 on.
+            assert!(deviations.abs() > 2.6, "seed {seed}, {step}: {deviations}");
+            named += 1;
+        }
+    }
+    assert!((10..100).contains(&named), "{named} of 123");
 }

@@ -71,7 +71,7 @@ fn the_arm_of_a_late_instrument_is_seen_as_late_as_its_readings() {
 }
 
 /// Readings of a gravimeter: steps of 10 nm/s² on 0.026 m/s², noise of half a step, a random walk, and a temperature that
-/// does nothing. The sum of squares is 10¹⁶; gains of a few nats must be seen in it, and nothing more.
+/// does nothing. The sum of squares is 10¹⁶; what rounding leaves of it must not be taken for a gain.
 #[test]
 fn coarse_readings_on_a_large_constant_leave_the_likelihood_sound() {
     for (name, quantisation) in [("stated", "quantisation = 1e-8\n"), ("not_stated", "")] {

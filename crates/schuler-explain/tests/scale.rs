@@ -8,9 +8,11 @@ use rand_pcg::Pcg64;
 use schuler_explain::explain::{Error, Options, explain_watched};
 use schuler_explain::watch::{Phase, Watch};
 use schuler_recording::Recording;
-use schuler_recording::case::{Case, Markov, Motion, MotionKind, Nominal, Sensor, SensorKind, Source};
-use schuler_recording::recording::{MotionSeries, Quality, SensorSeries};
+use schuler_recording::case::{Markov, MotionKind, Nominal, SensorKind};
+use schuler_recording::recording::SensorSeries;
 use schuler_recording::unit::Unit;
+
+mod common;
 
 const WHITE: f64 = 1e-6;
 
@@ -35,50 +37,16 @@ fn gyros(number: usize, rows: usize, drift: f64) -> Recording {
                     motion + own + WHITE * (normal() + 0.5 * colour)
                 })
                 .collect();
-            SensorSeries {
-                sensor: Sensor {
-                    id: format!("gyro_{index}"),
-                    kind: SensorKind::Fog,
-                    column: format!("w{index}"),
-                    unit: Unit::RadianPerSecond,
-                    axis: Some(axis),
-                    group: None,
-                    spin_axis: None,
-                    quantisation: 0.0,
-                    relative: false,
-                    nominal: Nominal {
-                        white: WHITE,
-                        markov: Some(Markov { sigma: 0.5 * WHITE, tau_s: 50.0 }),
-                        ..Nominal::default()
-                    },
-                },
-                written_unit: Unit::RadianPerSecond,
-                values,
-                quality: Quality::default(),
-            }
+            let nominal = Nominal {
+                white: WHITE,
+                markov: Some(Markov { sigma: 0.5 * WHITE, tau_s: 50.0 }),
+                ..Nominal::default()
+            };
+            let kind = (SensorKind::Fog, Unit::RadianPerSecond);
+            common::series(&format!("gyro_{index}"), kind, axis, nominal, values)
         })
         .collect();
-    Recording {
-        case: Case {
-            title: String::new(),
-            recording: Source { path: "x.csv".into(), time: "t".to_owned(), step_s: Some(1.0) },
-            site: None,
-            motion: Motion { kind: MotionKind::Unknown, ..Motion::default() },
-            schuler_loop: None,
-            sensors: sensors.iter().map(|series| series.sensor.clone()).collect(),
-            auxiliaries: Vec::new(),
-            calibration: None,
-        },
-        step_s: 1.0,
-        time_s: (0..rows).map(|row| row as f64).collect(),
-        inserted: vec![false; rows],
-        gaps: Vec::new(),
-        sensors,
-        auxiliaries: Vec::new(),
-        motion: MotionSeries::default(),
-        table_angle: None,
-        warnings: Vec::new(),
-    }
+    common::recording(MotionKind::Unknown, sensors)
 }
 
 /// Counts what it is told, and ends the explanation in a phase.

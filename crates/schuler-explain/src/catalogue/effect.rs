@@ -3,7 +3,8 @@
 //! An [`Effect`] is data: identifier, formula, units, what must vary for it to be seen, plausible magnitude, source. In
 //! a case it [gives](Effect::candidates) one [`Candidate`] for each sensor or group on which it can act with what was
 //! recorded. A candidate's [`Signature`] is what the effect adds to the outputs of the sensors, in SI units, for
-//! amplitudes of one; the rest of the pipeline never learns which physics it is.
+//! amplitudes of one. Of its physics the rest of the pipeline asks little: whether it is of the motion, which comes as late
+//! as the readings, whether it is that delay, and whether it depends on temperature, which a thermometer tells inexactly.
 use schuler_recording::case::SensorKind;
 
 use crate::inputs::Inputs;
@@ -171,7 +172,7 @@ pub struct Signature {
 }
 
 /// One column of a signature: for each sensor a value a row, in the SI unit of the port; 0 where it is not known.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Column {
     /// Sensor, by its place in the recording, and values.
     pub parts: Vec<(usize, Vec<f64>)>,

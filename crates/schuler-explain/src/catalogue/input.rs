@@ -8,13 +8,16 @@ use super::draft::{
     ppm, seen,
 };
 use super::{Column, Effect, Nonlinear, Search, Signature, Target};
-use crate::inputs::series::{both_signs, map, product, quantile_of_magnitude, varies};
+use crate::inputs::series::{both_signs, map, product, varies};
 use crate::inputs::{Inputs, Place, Series};
 
-/// A dead zone is searched between these parts of the magnitudes of the input.
-const DEAD_ZONE_PARTS: [f64; 2] = [0.005, 0.6];
-/// The smaller of the two must be below this part of the larger, or the input is never small.
-const SMALL_INPUT: f64 = 0.2;
+/// A dead zone is searched from one that so many readings are in to a little more than the largest input: one that nothing passes
+/// looks like a scale factor of −1 otherwise.
+const DEAD_ZONE_READINGS: usize = 3;
+const DEAD_ZONE_BEYOND: f64 = 1.001;
+/// Thresholds between which a part of the readings lies: an input that stays near some values makes a threshold that is a little
+/// off them silence what passes, or pass what is silent.
+const DEAD_ZONE_PARTS: usize = 40;
 
 const IEEE_1293: &str =
     "IEEE Std 1293 (model equation of accelerometers), IEEE Std 836 (centrifuge), IEEE Std 1559 (systems)";
@@ -167,19 +170,14 @@ pub(super) const DEAD_ZONE: Effect = Effect {
     id: "dead_zone",
     formula: "0 for |u| < u₀",
     sentence: "does not answer to small inputs",
-    needs: "small inputs",
+    needs: "input below the threshold",
     separated_by: "rates below and above the threshold, up and down",
     source: "IEEE Std 528, threshold and dead band",
     acts_on: any,
     candidates: |effect, inputs| {
         at_each_place(effect, inputs, |place| {
             let Some(input) = varying(place).cloned() else { return Vec::new() };
-            let [low, high] = DEAD_ZONE_PARTS.map(|part| quantile_of_magnitude(&input, part));
-            if low > SMALL_INPUT * high {
-                return Vec::new();
-            }
-            // The least that a grid can start from where the input is often 0.
-            let grid = logarithmic(low.max(1e-3 * high), high, 8.0);
+            let grid = thresholds(&input);
             if grid.len() < 2 {
                 return Vec::new();
             }
@@ -199,6 +197,25 @@ pub(super) const DEAD_ZONE: Effect = Effect {
         })
     },
 };
+
+/// The thresholds of a dead zone that are tried: even in their logarithm, and even in the readings between them.
+fn thresholds(input: &[f64]) -> Vec<f64> {
+    let mut magnitudes = map(input, f64::abs);
+    magnitudes.retain(|magnitude| magnitude.is_finite());
+    magnitudes.sort_by(f64::total_cmp);
+    let at = |place: usize| {
+        magnitudes.get(place.min(magnitudes.len().saturating_sub(1))).copied().unwrap_or_default()
+    };
+    let high = at(magnitudes.len());
+    // The least that a grid can start from where the input is often 0.
+    let mut grid = logarithmic(at(DEAD_ZONE_READINGS).max(1e-4 * high), DEAD_ZONE_BEYOND * high, 8.0);
+    let Some(&low) = grid.first() else { return grid };
+    grid.extend((1..DEAD_ZONE_PARTS).map(|part| at(part * magnitudes.len() / DEAD_ZONE_PARTS)));
+    grid.retain(|&threshold| threshold >= low);
+    grid.sort_by(f64::total_cmp);
+    grid.dedup_by(|next, last| *next <= 1.005 * *last);
+    grid
+}
 
 /// The input of a place, if it varies.
 pub(super) fn varying(place: &Place) -> Option<&Series> {

@@ -10,11 +10,9 @@ use crate::inputs::Series;
 use crate::inputs::motion::row_of;
 use crate::inputs::series::{deviation, lagged, map, product, varies};
 
-/// Lowest frequency of motion that coning and sculling are looked for at, Hz, and least number of its periods.
+/// Lowest frequency at which an instrument may read out its turn, Hz, and the least number of readings in a record.
 const CONING_LOWEST_HZ: f64 = 0.05;
-const CONING_PERIODS: f64 = 20.0;
-/// Highest one, in samples per period.
-const CONING_SAMPLES: f64 = 4.0;
+const CONING_READINGS: f64 = 20.0;
 /// The other torquer's power counts apart where it is more than this part of the own.
 const OTHER_POWER: f64 = 1e-3;
 
@@ -136,15 +134,16 @@ pub(super) const RATE_CROSS_AXIS: Effect = Effect {
 
 pub(super) const CONING_SCULLING: Effect = Effect {
     id: "coning_sculling",
-    formula: "k·LP[½ (θ × ω)_i], k·LP[(θ × f)_i] on accelerometers, θ the angle faster than f",
+    formula: "k·½ (∫ θ × ω dt)_i/T, on accelerometers k·½ (∫ θ × f + v × ω dt)_i/T, over readings every T = 1/f",
     sentence: "rectifies coning or sculling motion",
     needs: "rates about two axes in quadrature",
     separated_by: "coning about the axis at another amplitude: the error goes with its square",
     source: "Savage, J. Guidance, Control, and Dynamics 21 (1998) 19 and 208; Titterton & Weston",
     acts_on: inertial,
     candidates: |effect, inputs| {
-        let low = CONING_LOWEST_HZ.max(CONING_PERIODS / inputs.duration_s().max(1.0));
-        let high = 1.0 / (CONING_SAMPLES * inputs.recording.step_s);
+        let step_s = inputs.recording.step_s;
+        let low = CONING_LOWEST_HZ.max(CONING_READINGS / inputs.duration_s().max(1.0));
+        let high = 1.0 / step_s;
         let grid = logarithmic(low, high, 3.0);
         let turning = (inputs.motion.rate.iter().flatten()).filter(|rate| varies(rate)).count() > 1;
         if grid.len() < 2 || !turning {
@@ -157,41 +156,49 @@ pub(super) const CONING_SCULLING: Effect = Effect {
             let Some(shaken) = shaken.filter(|shaken| shaken.iter().any(|axis| varies(axis))) else {
                 return Vec::new();
             };
-            let (time_s, axis) = (inputs.time_s.clone(), place.axes.input);
+            let axis = place.axes.input;
             let half = if gyros(place.kind) { 0.5 } else { 1.0 };
             let amplitude = number("coefficient", "1", 1.0, Some([0.01, 1.0]));
-            vec![Draft::grid(place, parameter.clone(), amplitude, move |frequency| {
-                rectified(&time_s, &rate, &shaken, &axis, frequency)
-                    .into_iter()
-                    .map(|value| half * value)
-                    .collect()
+            vec![Draft::grid(place, parameter.clone(), amplitude, move |frequency_hz| {
+                let rows = (1.0 / (frequency_hz * step_s)).round().max(1.0) as usize;
+                rectified(&rate, &shaken, step_s, rows).map(|value| half * axis.dot(&value)).collect()
             })]
         })
     },
 };
 
-/// `LP[(θ × x)·axis]`, where θ is the angle and x the input without what is slower than `frequency_hz`: both are
-/// high-passed by a first-order lag of that corner, by which the product is then smoothed.
-fn rectified(
-    time_s: &[f64],
-    rate: &[Series; 3],
-    input: &[Series; 3],
-    axis: &Vector3<f64>,
-    frequency_hz: f64,
-) -> Vec<f64> {
-    let tau_s = 1.0 / (std::f64::consts::TAU * frequency_hz);
-    // θ' = ω − θ/τ: the lag of the rate, times τ.
-    let angle: [Series; 3] =
-        rate.each_ref().map(|rate| map(&lagged(time_s, &centred(rate), tau_s), |value| tau_s * value).into());
-    let fast: [Series; 3] = input.each_ref().map(|input| {
-        lagged(time_s, input, tau_s).iter().zip(&**input).map(|(slow, input)| input - slow).collect()
-    });
-    let products: Vec<f64> =
-        (0..time_s.len()).map(|row| axis.dot(&row_of(&angle, row).cross(&row_of(&fast, row)))).collect();
-    lagged(time_s, &products, tau_s)
-}
-
-fn centred(values: &[f64]) -> Vec<f64> {
-    let mean = crate::inputs::series::mean(values);
-    map(values, |value| value - mean)
+/// `½ (∫ θ × x + y × ω dt)/T` over the last T = `rows` · `step_s` of every row, where the turn θ and the integral y of the
+/// input x begin anew with each T: what is lost where a turn is told as a rotation vector, or a velocity without the turn
+/// meanwhile. A steady turn about one axis gives nothing, however fast it is.
+///
+/// Increments over a step are Δθ and Δy; within it both grow as the two last ones say (Savage 1998, eq. 36 and 38):
+/// Σ ½ [(θ + Δθ₋₁/6) × Δy + (y + Δy₋₁/6) × Δθ].
+fn rectified<'a>(
+    rate: &'a [Series; 3],
+    input: &'a [Series; 3],
+    step_s: f64,
+    rows: usize,
+) -> impl Iterator<Item = Vector3<f64>> + 'a {
+    let increments = move |row: usize| (row_of(rate, row) * step_s, row_of(input, row) * step_s);
+    // Of one row with what came before it.
+    let crossed = |(turn, gain): (Vector3<f64>, Vector3<f64>),
+                   (angle, velocity): (Vector3<f64>, Vector3<f64>)| {
+        0.5 * (turn.cross(&velocity) + gain.cross(&angle))
+    };
+    let within = move |row: usize| match row.checked_sub(1) {
+        Some(before) => crossed(increments(before), increments(row)) / 6.0,
+        None => Vector3::zeros(),
+    };
+    let (mut turn, mut gain, mut sum) = (Vector3::zeros(), Vector3::zeros(), Vector3::zeros());
+    (0..rate[0].len()).map(move |row| {
+        if let Some(gone) = row.checked_sub(rows) {
+            let (angle, velocity) = increments(gone);
+            (turn, gain) = (turn - angle, gain - velocity);
+            sum -= crossed((angle, velocity), (turn, gain)) + within(gone);
+        }
+        let (angle, velocity) = increments(row);
+        sum += crossed((turn, gain), (angle, velocity)) + within(row);
+        (turn, gain) = (turn + angle, gain + velocity);
+        sum / (rows as f64 * step_s)
+    })
 }

@@ -22,8 +22,9 @@ const REFERENCE_BEYOND: f64 = 0.75;
 const REFERENCE_POINTS: usize = 11;
 /// References far outside, in ranges beyond the ends: from the last on a power is a straight line.
 const REFERENCE_FAR: [f64; 3] = [1.5, 3.0, 6.0];
-/// Turns of the temperature that hysteresis needs, each by this part of the range.
-const TURNS: usize = 2;
+/// Turns of the temperature that hysteresis needs to show both branches, each by this part of the range. One turn shows them
+/// once, as a step would: what the record cannot tell apart is to be told.
+const TURNS: usize = 1;
 const TURN_PART: f64 = 0.2;
 
 const IEEE_813: &str =

@@ -17,6 +17,8 @@ pub mod series;
 pub mod smoother;
 pub mod thermometer;
 
+use std::sync::{Arc, Mutex, PoisonError};
+
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use schuler_recording::Recording;
@@ -29,7 +31,7 @@ pub use thermometer::Thermometer;
 
 use crate::catalogue::Port;
 use motion::along;
-use series::{bridged, mean, range};
+use series::{bridged, map, mean, range};
 
 /// A gap longer than this, s, and than [`RESTART_STEPS`] steps is a switch-off.
 const RESTART_S: f64 = 300.0;
@@ -64,7 +66,12 @@ pub struct Inputs<'r> {
     pub run_starts: Vec<usize>,
     /// The same with the gaps that may hide a short switch-off.
     pub possible_run_starts: Vec<usize>,
+    /// Differences of temperatures that were asked for, by their columns.
+    differences: Arc<Mutex<Vec<Difference>>>,
 }
+
+/// Columns of two thermometers, their difference, K, and its mean variance, K².
+type Difference = ([String; 2], (Series, f64));
 
 /// A recorded quantity other than a temperature.
 #[derive(Clone, Debug)]
@@ -146,7 +153,17 @@ impl<'r> Inputs<'r> {
         let longest = gaps.into_iter().take(MOST_RESTARTS).map(|gap| gap.first + gap.missing);
         let mut possible_run_starts: Vec<usize> = std::iter::once(0).chain(longest).collect();
         possible_run_starts.sort_unstable();
-        Self { recording, time_s, motion, places, thermometers, auxiliaries, run_starts, possible_run_starts }
+        Self {
+            recording,
+            time_s,
+            motion,
+            places,
+            thermometers,
+            auxiliaries,
+            run_starts,
+            possible_run_starts,
+            differences: Arc::default(),
+        }
     }
 
     /// Length of the record, s.
@@ -271,20 +288,34 @@ impl<'r> Inputs<'r> {
                     .map(|(a, b)| (Vector3::from(b) - Vector3::from(a)).norm())
                     .filter(|&distance| distance > 0.0);
                 let over = distance_m.unwrap_or(1.0);
-                let values: Series = (first.temperature.iter().zip(&*second.temperature))
-                    .map(|(first, second)| (second - first) / over)
-                    .collect();
-                let uncertain =
-                    (mean(&first.temperature_variance) + mean(&second.temperature_variance)).sqrt();
+                let (difference, variance) = self.difference(first, second);
                 let steps = first.quantisation.max(second.quantisation);
-                if range(&values) * over > steps && series::deviation(&values) * over > uncertain {
+                if range(&difference) > steps && series::deviation(&difference) > variance.sqrt() {
                     let columns = [first.column.clone(), second.column.clone()];
+                    let values = map(&difference, |difference| difference / over).into();
                     gradients.push(Gradient { columns, distance_m, values });
                 }
             }
         }
         gradients.truncate(MOST_GRADIENTS);
         gradients
+    }
+
+    /// The difference of two temperatures, K, and its mean variance, K².
+    fn difference(&self, first: &Thermometer, second: &Thermometer) -> (Series, f64) {
+        let known = || self.differences.lock().unwrap_or_else(PoisonError::into_inner);
+        let columns = [&first.column, &second.column];
+        if let Some((_, found)) = known().iter().find(|(of, _)| of.each_ref() == columns) {
+            return found.clone();
+        }
+        let readings = |it: &Thermometer| self.recording.auxiliary(&it.column).map(|series| &series.values);
+        let readings = match (readings(first), readings(second)) {
+            (Some(first), Some(second)) => first.iter().zip(second).map(|(a, b)| b - a).collect(),
+            _ => Vec::new(),
+        };
+        let found = Thermometer::difference(first, second, &self.time_s, &readings);
+        known().push((columns.map(Clone::clone), found.clone()));
+        found
     }
 
     /// The reference temperature of a place, °C, and whether the nominal model gives it; without it the mean.
@@ -315,13 +346,15 @@ impl<'r> Inputs<'r> {
             }
         };
         for thermometer in self.thermometers.iter().filter(|thermometer| thermometer.varies()) {
-            add(format!("temperature {}", thermometer.column), "degC", &thermometer.temperature);
+            let name = named("temperature", &thermometer.column);
+            add(name.clone(), "degC", &thermometer.temperature);
             if thermometer.rate_varies() {
-                add(format!("rate of temperature {}", thermometer.column), "K/s", &thermometer.rate);
+                add(format!("rate of {name}"), "K/s", &thermometer.rate);
             }
         }
         for auxiliary in self.auxiliaries.iter().filter(|auxiliary| auxiliary.varies) {
-            add(format!("{} {}", auxiliary.quantity, auxiliary.column), &auxiliary.unit, &auxiliary.values);
+            let name = named(&auxiliary.quantity.to_string(), &auxiliary.column);
+            add(name, &auxiliary.unit, &auxiliary.values);
         }
         let motion = &self.motion;
         let of_body = [
@@ -338,6 +371,15 @@ impl<'r> Inputs<'r> {
             add((*name).to_owned(), "rad", values);
         }
         conditions
+    }
+}
+
+/// A quantity in a column, which mostly says by its name what it holds.
+fn named(quantity: &str, column: &str) -> String {
+    if quantity == "other" || column.contains(quantity) {
+        column.to_owned()
+    } else {
+        format!("{quantity} {column}")
     }
 }
 

@@ -81,16 +81,6 @@ pub fn both_signs(values: &[f64]) -> bool {
     bar > 0.0 && most >= bar && least <= -bar
 }
 
-/// The magnitude that the given part of the magnitudes does not exceed.
-pub fn quantile_of_magnitude(values: &[f64], part: f64) -> f64 {
-    let mut magnitudes: Vec<f64> = values.iter().map(|value| value.abs()).collect();
-    if magnitudes.is_empty() {
-        return 0.0;
-    }
-    let place = ((magnitudes.len() - 1) as f64 * part.clamp(0.0, 1.0)).round() as usize;
-    *magnitudes.select_nth_unstable_by(place, f64::total_cmp).1
-}
-
 /// `f` of each value.
 pub fn map(values: &[f64], f: impl Fn(f64) -> f64) -> Vec<f64> {
     values.iter().map(|&value| f(value)).collect()
@@ -427,9 +417,8 @@ mod tests {
     }
 
     #[test]
-    fn quantiles_and_signs() {
+    fn signs_and_variation() {
         let values = [-4.0, 3.0, -2.0, 1.0, 0.0];
-        assert_eq!(quantile_of_magnitude(&values, 0.5), 2.0);
         assert!(both_signs(&values) && !both_signs(&[0.0, 1.0, -0.01]));
         assert!(varies(&values) && !varies(&[5.0; 9]) && !varies(&[0.0; 9]));
     }

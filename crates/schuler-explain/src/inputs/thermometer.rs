@@ -50,6 +50,8 @@ pub struct Thermometer {
     pub rate_variance: Series,
     /// Step of its readings, K; 0 where there is none.
     pub quantisation: f64,
+    /// Whether it was estimated from the instants at which its readings change, as every reading by itself says little.
+    pub by_its_steps: bool,
 }
 
 impl Thermometer {
@@ -62,7 +64,8 @@ impl Thermometer {
         readings: &[f64],
     ) -> Option<Self> {
         let quantisation = step_of(readings);
-        let smoothed = estimate(time_s, readings, quantisation)?;
+        let by_its_steps = has_clean_steps(readings, quantisation);
+        let smoothed = estimate(time_s, readings, quantisation, by_its_steps)?;
         Some(Self {
             column: column.to_owned(),
             near: near.map(str::to_owned),
@@ -72,7 +75,28 @@ impl Thermometer {
             temperature_variance: smoothed.value_variance.into(),
             rate_variance: smoothed.rate_variance.into(),
             quantisation,
+            by_its_steps,
         })
+    }
+
+    /// The difference of two temperatures, K, and its mean variance, K²; `readings` are the differences of their readings.
+    ///
+    /// It changes less, and otherwise, than the two do: smoothed by itself it has less noise than the difference of what each is
+    /// smoothed to. Of a thermometer that is known by its steps the readings' difference says little.
+    pub fn difference(first: &Self, second: &Self, time_s: &[f64], readings: &[f64]) -> (Series, f64) {
+        let step = first.quantisation.hypot(second.quantisation);
+        let smoothed = if first.by_its_steps || second.by_its_steps {
+            None
+        } else {
+            estimate(time_s, readings, step, false)
+        };
+        if let Some(smoothed) = smoothed {
+            return (smoothed.value.into(), series::mean(&smoothed.value_variance));
+        }
+        let difference =
+            first.temperature.iter().zip(&*second.temperature).map(|(first, second)| second - first);
+        let variances = [first, second].map(|it| series::mean(&it.temperature_variance));
+        (difference.collect(), variances.iter().sum())
     }
 
     /// Whether the temperature moves by more than its steps and its uncertainty.
@@ -131,8 +155,15 @@ pub fn step_of(readings: &[f64]) -> f64 {
     (most - least) / steps
 }
 
+/// Whether readings stay on each of their steps long enough for the instants of change to say more than the readings.
+fn has_clean_steps(readings: &[f64], step: f64) -> bool {
+    let values: Vec<f64> = readings.iter().copied().filter(|reading| reading.is_finite()).collect();
+    let changes = values.windows(2).filter(|pair| pair[0] != pair[1]).count() as f64;
+    step > 0.0 && changes <= CHANGES_PER_ROW * values.len() as f64
+}
+
 /// Smoothed temperature of readings with the given step.
-fn estimate(time_s: &[f64], readings: &[f64], step: f64) -> Option<Smoothed> {
+fn estimate(time_s: &[f64], readings: &[f64], step: f64, by_its_steps: bool) -> Option<Smoothed> {
     let rows: Vec<usize> = (0..readings.len()).filter(|&row| readings[row].is_finite()).collect();
     let (&first, _) = (rows.first()?, rows.last()?);
     let values: Vec<f64> = rows.iter().map(|&row| readings[row]).collect();
@@ -148,8 +179,7 @@ fn estimate(time_s: &[f64], readings: &[f64], step: f64) -> Option<Smoothed> {
     }
     let scale = span.max(step);
     let changes = values.windows(2).filter(|pair| pair[0] != pair[1]).count() as f64;
-    let clean = step > 0.0 && changes <= CHANGES_PER_ROW * values.len() as f64;
-    if clean {
+    if by_its_steps {
         let (measurements, process) = CROSSING_SIGMA
             .iter()
             .map(|sigma| {
