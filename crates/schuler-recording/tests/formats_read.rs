@@ -63,7 +63,7 @@ fn copy(
     path: &Path,
     format: Format,
 ) -> Result<Copied, Error> {
-    table::copy(table, wanted, span_s, path, format, |_| Ok(()))
+    table::copy(table, wanted, span_s, (fs::File::create(path).unwrap(), path), format, |_| Ok(()))
 }
 
 fn in_memory(name: &str, bytes: Vec<u8>, columns: &[&str]) -> Result<Columns, String> {

@@ -1,11 +1,13 @@
 //! A case and its table together: SI units, gaps, missing values, and mistakes by file and line.
+use std::fmt::Write as _;
 use std::fs;
 use std::io::Write;
 use std::path::PathBuf;
 
 use proptest::prelude::*;
 use schuler_recording::motion::{Prediction, predict};
-use schuler_recording::{Recording, table};
+use schuler_recording::recording::Stream;
+use schuler_recording::{CaseFile, Error, Recording, table};
 use tempfile::TempDir;
 
 const CASE: &str = r#"
@@ -263,4 +265,65 @@ proptest! {
             let _ = table.read(&[0]);
         }
     }
+}
+
+/// Every row of a stream is that of the recording read whole: gaps within a chunk, from one into the next and longer than one,
+/// missing and infinite values, with the nominal step given and not.
+#[test]
+fn a_stream_has_the_rows_of_the_whole_recording() {
+    let mut table = String::from("t,gyro_z,az,T,B\n");
+    for row in (0..12_000)
+        .filter(|row| row % 1000 != 7 && !(4090..4110).contains(row) && !(6000..11_000).contains(row))
+    {
+        let x = match row % 100 {
+            3 => String::new(),
+            5 => "inf".to_owned(),
+            _ => format!("{}", f64::from(row).sin()),
+        };
+        let (time, temperature) = (f64::from(row) * 0.1 + 5.0, 20.0 + f64::from(row) / 1000.0);
+        writeln!(table, "{time},{x},1000,{temperature},0.5").unwrap();
+    }
+    let text = CASE.replace("step_s = 1.0", "step_s = 0.1");
+    for text in [text.clone(), text.replace("step_s = 0.1\n", "")] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = case(&folder, &text, table.as_bytes());
+        let whole = Recording::read(&path).unwrap();
+        let mut seen = 0;
+        let stream = Stream::open(CaseFile::read(&path).unwrap(), |chunk| {
+            seen += chunk.len();
+            Ok::<(), Error>(())
+        })
+        .unwrap();
+        assert_eq!(seen, table.lines().count() - 1);
+        assert_eq!((stream.rows(), stream.start_s()), (whole.len(), whole.time_s[0]));
+        let head = stream.head();
+        assert_eq!((head.step_s, &head.warnings, head.len()), (whole.step_s, &whole.warnings, 0));
+        assert_eq!(head.sensors[0].quality, whole.sensors[0].quality);
+        let bits = |values: &[f64]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+        // As often as wanted.
+        for _ in 0..2 {
+            let chunks: Vec<Recording> = stream.chunks().unwrap().collect::<Result<_, _>>().unwrap();
+            assert!(chunks.len() > 3 && chunks.iter().all(|chunk| chunk.len() <= 4096));
+            let joined =
+                |of: &dyn Fn(&Recording) -> Vec<f64>| bits(&chunks.iter().flat_map(of).collect::<Vec<f64>>());
+            assert_eq!(joined(&|it| it.time_s.clone()), bits(&whole.time_s));
+            assert_eq!(joined(&|it| it.sensors[0].values.clone()), bits(&whole.sensors[0].values));
+            assert_eq!(joined(&|it| it.auxiliaries[0].values.clone()), bits(&whole.auxiliaries[0].values));
+            let inserted: Vec<bool> = chunks.iter().flat_map(|it| it.inserted.clone()).collect();
+            assert_eq!(inserted, whole.inserted);
+        }
+    }
+}
+
+#[test]
+fn a_stream_finds_what_is_wrong_before_anything_is_made_of_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut table = String::from("t,gyro_z,az,T,B\n");
+    for row in (0..9000).chain([5]) {
+        writeln!(table, "{row},1,1,1,1").unwrap();
+    }
+    let path = case(&folder, CASE, table.as_bytes());
+    let streamed = Stream::open(CaseFile::read(&path).unwrap(), |_| Ok::<(), Error>(())).unwrap_err();
+    assert_eq!(streamed, Recording::read(&path).unwrap_err());
+    assert!(streamed.to_string().contains("r.csv:9002: t: row 9001: found time 5 after 8999"), "{streamed}");
 }

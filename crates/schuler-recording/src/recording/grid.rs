@@ -10,6 +10,8 @@ use crate::error::Problem;
 pub const GAP_STEPS: f64 = 1.5;
 /// A table whose median step is below this many nominal steps contradicts its case.
 const LEAST_MEDIAN_STEPS: f64 = 0.5;
+/// Rows whose median step is the nominal one where the case gives none; a million, so that longer tables need not be kept.
+const MEDIAN_ROWS: usize = 1 << 20;
 /// Rows that may be put in whatever the length of the table.
 const MOST_INSERTED: f64 = 1e6;
 /// Rows that may be put in for each recorded one, where that is more.
@@ -26,6 +28,165 @@ pub struct Gap {
     pub after_s: f64,
     /// Time of the first row behind it, s.
     pub before_s: f64,
+}
+
+/// What the times of a table say, looked at in order and not kept.
+pub(super) struct Survey {
+    column: String,
+    nominal_s: Option<f64>,
+    /// Nominal step once it is known, s.
+    step_s: Option<f64>,
+    /// Distances of the rows until then, s.
+    distances_s: Vec<f64>,
+    start_s: Option<f64>,
+    last_s: Option<f64>,
+    line: Option<usize>,
+    rows: usize,
+    missing: f64,
+    /// The longest distance: row and line behind it, and its length in seconds.
+    longest: (usize, Option<usize>, f64),
+}
+
+/// What the times of a table are.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Times {
+    /// Nominal step, s.
+    pub(super) step_s: f64,
+    /// First time, s.
+    pub(super) start_s: f64,
+    /// Rows, recorded and to be put in.
+    pub(super) rows: usize,
+}
+
+impl Survey {
+    /// Of a time column; without a nominal step, that is the median of the first [`MEDIAN_ROWS`].
+    pub(super) fn new(column: &str, nominal_s: Option<f64>) -> Self {
+        Self {
+            column: column.to_owned(),
+            nominal_s,
+            step_s: None,
+            distances_s: Vec::new(),
+            start_s: None,
+            last_s: None,
+            line: None,
+            rows: 0,
+            missing: 0.0,
+            longest: (0, None, 0.0),
+        }
+    }
+
+    /// Looks at the next times, in the rows at these lines of the table.
+    ///
+    /// # Errors
+    /// A time that is missing or does not increase. A problem without a line is one of the nominal step.
+    pub(super) fn add(&mut self, time_s: &[f64], lines: &[u64]) -> Result<(), Problem> {
+        for (index, &time) in time_s.iter().enumerate() {
+            self.rows += 1;
+            self.line = lines.get(index).map(|&line| line as usize);
+            if !time.is_finite() {
+                return Err(self.problem(format!("row {}: found no time; expected seconds", self.rows)));
+            }
+            if let Some(last_s) = self.last_s {
+                if time <= last_s {
+                    let found = format!("row {}: found time {time} after {last_s}", self.rows);
+                    return Err(self.problem(format!("{found}; expected a time that strictly increases")));
+                }
+                self.add_distance(time - last_s)?;
+            }
+            self.start_s.get_or_insert(time);
+            self.last_s = Some(time);
+        }
+        Ok(())
+    }
+
+    /// What was seen.
+    ///
+    /// # Errors
+    /// Fewer than two rows, or a gap too long to be filled. A problem without a line is one of the nominal step.
+    pub(super) fn finish(mut self) -> Result<Times, Problem> {
+        let step_s = match self.step_s {
+            Some(step_s) => step_s,
+            None => self.settle()?,
+        };
+        let allowed = MOST_INSERTED.max(MOST_INSERTED_PER_ROW * self.rows as f64);
+        if self.missing > allowed {
+            let (row, line, jump_s) = self.longest;
+            let found = format!("row {row}: found a jump of {jump_s} s, {:.0} steps", jump_s / step_s);
+            let message = format!("{found}; expected a gap that can be filled: split the table");
+            return Err(Problem::new(line, self.column, message));
+        }
+        let start_s = self.start_s.unwrap_or_default();
+        Ok(Times { step_s, start_s, rows: self.rows + self.missing as usize })
+    }
+
+    fn add_distance(&mut self, distance_s: f64) -> Result<(), Problem> {
+        if distance_s > self.longest.2 {
+            self.longest = (self.rows, self.line, distance_s);
+        }
+        if let Some(step_s) = self.step_s {
+            self.missing += missing(distance_s, step_s);
+        } else {
+            self.distances_s.push(distance_s);
+            if self.distances_s.len() == MEDIAN_ROWS {
+                self.settle()?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Decides on the nominal step.
+    fn settle(&mut self) -> Result<f64, Problem> {
+        let mut distances_s = std::mem::take(&mut self.distances_s);
+        let Some(median_s) = median(&mut distances_s) else {
+            return Err(self.problem(format!("found {} rows; expected at least two", self.rows)));
+        };
+        let step_s = self.nominal_s.unwrap_or(median_s);
+        if median_s < LEAST_MEDIAN_STEPS * step_s {
+            let message = format!("found {step_s}; expected about {median_s}, the table's median step");
+            return Err(Problem::of_file(message));
+        }
+        self.missing = distances_s.iter().map(|&distance_s| missing(distance_s, step_s)).sum();
+        self.step_s = Some(step_s);
+        Ok(step_s)
+    }
+
+    fn problem(&self, message: String) -> Problem {
+        Problem::new(self.line, &*self.column, message)
+    }
+}
+
+/// Rows that are missing between two neighbours.
+fn missing(distance_s: f64, step_s: f64) -> f64 {
+    if distance_s > GAP_STEPS * step_s { ((distance_s / step_s).round() - 1.0).max(1.0) } else { 0.0 }
+}
+
+/// Goes from one recorded row to the next over the rows that are missing between them.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Walk {
+    step_s: f64,
+    last_s: Option<f64>,
+    /// Rows put in between the last recorded row and the next.
+    put_in: usize,
+}
+
+impl Walk {
+    pub(super) fn new(step_s: f64) -> Self {
+        Self { step_s, last_s: None, put_in: 0 }
+    }
+
+    /// The time of the row that is to be put in before the one recorded at `time`; none when it is the turn of that.
+    pub(super) fn before(&mut self, time: f64) -> Option<f64> {
+        if let Some(last_s) = self.last_s {
+            let missing = missing(time - last_s, self.step_s) as usize;
+            if self.put_in < missing {
+                self.put_in += 1;
+                return Some(last_s + (time - last_s) / (missing + 1) as f64 * self.put_in as f64);
+            }
+        }
+        self.put_in = 0;
+        self.last_s = Some(time);
+        None
+    }
 }
 
 /// The steps of a recording.
@@ -47,69 +208,25 @@ impl Grid {
     /// a line is one of the nominal step.
     pub(super) fn new(
         column: &str,
-        time_s: &[f64],
+        recorded_s: &[f64],
         lines: &[u64],
-        step_s: Option<f64>,
+        nominal_s: Option<f64>,
     ) -> Result<Self, Problem> {
-        let problem_at = |row: usize, message: String| {
-            Problem::new(lines.get(row).map(|&line| line as usize), column, message)
-        };
-        for (row, time) in time_s.iter().enumerate() {
-            if !time.is_finite() {
-                return Err(problem_at(row, format!("row {}: found no time; expected seconds", row + 1)));
+        let mut survey = Survey::new(column, nominal_s);
+        survey.add(recorded_s, lines)?;
+        let Times { step_s, rows, .. } = survey.finish()?;
+        let mut grid = Self { step_s, time_s: Vec::with_capacity(rows), gaps: Vec::new() };
+        let mut walk = Walk::new(step_s);
+        for &time in recorded_s {
+            let (first, after_s) = (grid.time_s.len(), walk.last_s.unwrap_or(time));
+            while let Some(put_in) = walk.before(time) {
+                grid.time_s.push(put_in);
             }
-        }
-        for (row, (before, after)) in time_s.iter().zip(time_s.iter().skip(1)).enumerate() {
-            if after <= before {
-                let found = format!("row {}: found time {after} after {before}", row + 2);
-                return Err(problem_at(row + 1, format!("{found}; expected a time that strictly increases")));
-            }
-        }
-        let median_s =
-            median(time_s.iter().zip(time_s.iter().skip(1)).map(|(before, after)| after - before).collect());
-        let Some(median_s) = median_s else {
-            let message = format!("found {} rows; expected at least two", time_s.len());
-            return Err(problem_at(0, message));
-        };
-        let step_s = step_s.unwrap_or(median_s);
-        if median_s < LEAST_MEDIAN_STEPS * step_s {
-            return Err(Problem::of_file(format!(
-                "found {step_s}; expected about {median_s}, the table's median step"
-            )));
-        }
-        Self::fill(time_s, step_s).map_err(|(row, jump_s)| {
-            let found = format!("row {}: found a jump of {jump_s} s", row + 1);
-            problem_at(
-                row,
-                format!(
-                    "{found}, {:.0} steps; expected a gap that can be filled: split the table",
-                    jump_s / step_s
-                ),
-            )
-        })
-    }
-
-    /// Puts the missing rows in; a gap too long for that is given by the row behind it and its length in seconds.
-    fn fill(recorded_s: &[f64], step_s: f64) -> Result<Self, (usize, f64)> {
-        let allowed = MOST_INSERTED.max(MOST_INSERTED_PER_ROW * recorded_s.len() as f64);
-        let mut grid = Self { step_s, time_s: Vec::with_capacity(recorded_s.len()), gaps: Vec::new() };
-        let mut inserted = 0.0;
-        let mut last: Option<f64> = None;
-        for (row, &time) in recorded_s.iter().enumerate() {
-            if let Some(after_s) = last.filter(|&last| time - last > GAP_STEPS * step_s) {
-                let jump_s = time - after_s;
-                let missing = ((jump_s / step_s).round() - 1.0).max(1.0);
-                inserted += missing;
-                if inserted > allowed {
-                    return Err((row, jump_s));
-                }
-                let missing = missing as usize;
-                grid.gaps.push(Gap { first: grid.time_s.len(), missing, after_s, before_s: time });
-                let spacing = jump_s / (missing + 1) as f64;
-                grid.time_s.extend((1..=missing).map(|k| after_s + spacing * k as f64));
+            let missing = grid.time_s.len() - first;
+            if missing > 0 {
+                grid.gaps.push(Gap { first, missing, after_s, before_s: time });
             }
             grid.time_s.push(time);
-            last = Some(time);
         }
         Ok(grid)
     }
@@ -119,7 +236,8 @@ impl Grid {
         if self.gaps.is_empty() {
             return values;
         }
-        let mut spread = Vec::with_capacity(self.time_s.len());
+        let missing: usize = self.gaps.iter().map(|gap| gap.missing).sum();
+        let mut spread = Vec::with_capacity(values.len() + missing);
         let mut values = values.into_iter();
         for gap in &self.gaps {
             let before = gap.first - spread.len();
@@ -140,7 +258,7 @@ impl Grid {
     }
 }
 
-fn median(mut values: Vec<f64>) -> Option<f64> {
+fn median(values: &mut [f64]) -> Option<f64> {
     let middle = values.len() / 2;
     if values.is_empty() {
         return None;

@@ -1,17 +1,23 @@
 //! A case and its table together: arrays in SI units on the nominal step grid, with gaps and missing values marked.
 //!
 //! A value that is missing (an empty cell, `nan`, an infinite number, a row in a gap) is NaN.
+//! [`Recording`] holds all of it; [`Stream`] goes through a table of any length and gives recordings of a few thousand
+//! rows.
 mod grid;
+mod layout;
+mod stream;
 
 use std::path::Path;
 
-use crate::case::{Auxiliary, Case, CaseFile, Quantity, Sensor};
-use crate::error::{Error, Problem};
-use crate::table::{self, TableReader};
-use crate::unit::{AuxConversion, Unit};
+use crate::case::{Auxiliary, Case, CaseFile, Sensor};
+use crate::error::Error;
+use crate::table::{self, Columns, TableReader};
+use crate::unit::Unit;
 
 use grid::Grid;
 pub use grid::{GAP_STEPS, Gap};
+use layout::{Layout, Rows, file_warnings, time_error};
+pub use stream::Stream;
 
 /// A recording, in SI units.
 #[derive(Clone, Debug, PartialEq)]
@@ -111,106 +117,46 @@ impl Recording {
     /// # Errors
     /// As [`of_case`](Self::of_case).
     pub fn of_table(file: CaseFile, table: Box<dyn TableReader>) -> Result<Self, Error> {
-        let table_path = file.table_path();
-        let mut wanted = Wanted::new(&file, &*table);
-        // First: of a log it decides what the rows are.
-        let time = wanted.column(&file.case.recording.time, "recording.time");
-        let sensors: Vec<usize> = (file.case.sensors.iter().enumerate())
-            .map(|(index, sensor)| wanted.column(&sensor.column, &format!("sensor[{index}].column")))
-            .collect();
-        let auxiliaries = all_auxiliaries(&file.case);
-        let auxiliary_columns: Vec<usize> =
-            auxiliaries.iter().map(|(auxiliary, path)| wanted.column(&auxiliary.column, path)).collect();
-        let motion = &file.case.motion;
-        let mut motion_columns = |columns: &Option<[String; 3]>, key: &str| {
-            let [x, y, z] = columns.as_ref()?;
-            Some(
-                [(x, 0), (y, 1), (z, 2)]
-                    .map(|(name, axis)| wanted.column(name, &format!("motion.{key}[{axis}]"))),
-            )
-        };
-        let rate = motion_columns(&motion.rate, "rate");
-        let specific_force = motion_columns(&motion.specific_force, "specific_force");
-        let velocity_ned = motion_columns(&motion.velocity_ned, "velocity_ned");
-        let attitude_rad = motion_columns(&motion.attitude_rad, "attitude_rad");
-        let table_angle = file.case.table();
-        let angle_unit = table_angle.map_or(1.0, |it| it.unit.in_si());
-        let table_angle = table_angle.map(|it| wanted.column(&it.column, "calibration.table.column"));
-        let indices = wanted.finish()?;
+        Self::of_table_watched(file, table, |_, _| Ok(()))
+    }
 
-        let mut columns = table.read(&indices)?;
-        let recorded_s = columns.values.get(time).map_or(&[][..], Vec::as_slice);
-        let step_s = file.case.recording.step_s;
-        let grid = Grid::new(&file.case.recording.time, recorded_s, &columns.lines, step_s).map_err(
-            |mut problem| {
-                if problem.line.is_some() || problem.field == file.case.recording.time {
-                    return Error::one(&table_path, problem);
-                }
-                "recording.step_s".clone_into(&mut problem.field);
-                problem.line = file.lines.get(&problem.field);
-                Error::one(&file.path, problem)
-            },
-        )?;
-
-        let mut warnings: Vec<String> =
-            file.warnings.iter().map(|warning| format!("{}: {warning}", file.path.display())).collect();
-        warnings.extend(columns.warnings.iter().cloned());
-        let mut series = |column: usize, name: &str| {
-            let values = columns.values.get_mut(column).map(std::mem::take).unwrap_or_default();
-            let missing = values.iter().filter(|value| value.is_nan()).count();
-            let infinite = columns.infinite.get(column).copied().unwrap_or_default();
-            if infinite > 0 {
-                warnings.push(format!(
-                    "{}: {name}: {infinite} infinite values are missing",
-                    table_path.display()
-                ));
-            }
-            let in_gaps = grid.time_s.len() - values.len();
-            let quality = Quality { present: values.len() - missing, missing, infinite, in_gaps };
-            (grid.spread(values), quality)
-        };
-        let sensors = (file.case.sensors.iter().zip(sensors))
-            .map(|(sensor, column)| {
-                let (values, quality) = series(column, &sensor.column);
-                let values = scaled(values, sensor.unit.in_si());
-                SensorSeries { sensor: sensor.in_si(), written_unit: sensor.unit, values, quality }
-            })
-            .collect();
-        let auxiliaries = (auxiliaries.into_iter().zip(auxiliary_columns))
-            .map(|((mut auxiliary, _), column)| {
-                let (mut values, quality) = series(column, &auxiliary.column);
-                let conversion = AuxConversion::of(&auxiliary.unit);
-                if !conversion.is_identity() {
-                    for value in &mut values {
-                        *value = conversion.apply(*value);
-                    }
-                }
-                auxiliary.unit = conversion.unit;
-                AuxiliarySeries { auxiliary, values, quality }
-            })
-            .collect();
-        let table_angle = table_angle.map(|column| scaled(series(column, "calibration.table").0, angle_unit));
-        let mut triple = |columns: Option<[usize; 3]>| {
-            columns.map(|columns| columns.map(|column| series(column, "motion").0))
-        };
-        let motion = MotionSeries {
-            rate: triple(rate),
-            specific_force: triple(specific_force),
-            velocity_ned: triple(velocity_ned),
-            attitude_rad: triple(attitude_rad),
-        };
-        Ok(Self {
+    /// Reads a case's table from where it is; `watch` is told after every few thousand rows how many rows of how many columns are kept so far,
+    /// and may stop it.
+    ///
+    /// # Errors
+    /// As [`of_case`](Self::of_case), or what `watch` returns.
+    pub fn of_table_watched<E: From<Error>>(
+        file: CaseFile,
+        table: Box<dyn TableReader>,
+        mut watch: impl FnMut(usize, usize) -> Result<(), E>,
+    ) -> Result<Self, E> {
+        let layout = Layout::new(&file, &*table)?;
+        let mut columns = Columns::none(layout.indices.len());
+        for chunk in table.chunks(&layout.indices)? {
+            columns.append(chunk?);
+            watch(columns.rows(), layout.indices.len())?;
+        }
+        let recorded_s = columns.values.get(layout.time).map_or(&[][..], Vec::as_slice);
+        let mut grid =
+            Grid::new(&file.case.recording.time, recorded_s, &columns.lines, file.case.recording.step_s)
+                .map_err(|problem| time_error(&file, problem))?;
+        let mut warnings = file_warnings(&file);
+        warnings.append(&mut columns.warnings);
+        warnings.extend(layout.infinite_warnings(&file, &columns.infinite));
+        let mut quality = layout.quality(&columns);
+        let in_gaps = grid.time_s.len() - columns.rows();
+        for quality in &mut quality {
+            quality.in_gaps = in_gaps;
+        }
+        let rows = Rows {
             step_s: grid.step_s,
             inserted: grid.inserted(),
-            case: file.case,
-            time_s: grid.time_s,
-            gaps: grid.gaps,
-            sensors,
-            auxiliaries,
-            motion,
-            table_angle,
-            warnings,
-        })
+            time_s: std::mem::take(&mut grid.time_s),
+            gaps: grid.gaps.clone(),
+        };
+        Ok(layout.recording(file.case, rows, &quality, warnings, |place| {
+            grid.spread(columns.values.get_mut(place).map(std::mem::take).unwrap_or_default())
+        }))
     }
 
     /// Number of rows, recorded and put in.
@@ -237,63 +183,5 @@ impl Recording {
     /// The auxiliary quantity in the given column.
     pub fn auxiliary(&self, column: &str) -> Option<&AuxiliarySeries> {
         self.auxiliaries.iter().find(|series| series.auxiliary.column == column)
-    }
-}
-
-/// Values times a factor.
-fn scaled(values: Vec<f64>, factor: f64) -> Vec<f64> {
-    values.into_iter().map(|value| value * factor).collect()
-}
-
-/// The auxiliary quantities with the path of each in the case: those that the case lists, and the temperatures that
-/// nominal models depend on without being listed.
-fn all_auxiliaries(case: &Case) -> Vec<(Auxiliary, String)> {
-    let mut all: Vec<(Auxiliary, String)> = (case.auxiliaries.iter().enumerate())
-        .map(|(index, auxiliary)| (auxiliary.clone(), format!("aux[{index}].column")))
-        .collect();
-    for (index, sensor) in case.sensors.iter().enumerate() {
-        let Some(dependence) = &sensor.nominal.temperature_bias else { continue };
-        if all.iter().all(|(auxiliary, _)| auxiliary.column != dependence.column) {
-            let auxiliary = Auxiliary {
-                column: dependence.column.clone(),
-                quantity: Quantity::Temperature,
-                unit: "degC".to_owned(),
-                near: Some(sensor.id.clone()),
-                position_m: None,
-            };
-            all.push((auxiliary, format!("sensor[{index}].nominal.temperature_bias.column")));
-        }
-    }
-    all
-}
-
-/// The columns that a case asks of its table.
-struct Wanted<'f> {
-    file: &'f CaseFile,
-    table: &'f dyn TableReader,
-    indices: Vec<usize>,
-    problems: Vec<Problem>,
-}
-
-impl<'f> Wanted<'f> {
-    fn new(file: &'f CaseFile, table: &'f dyn TableReader) -> Self {
-        Self { file, table, indices: Vec::new(), problems: Vec::new() }
-    }
-
-    /// Asks for the column `name`, which stands at `path` in the case; returns its place among the columns asked for.
-    fn column(&mut self, name: &str, path: &str) -> usize {
-        match self.table.index(name) {
-            Ok(index) => self.indices.push(index),
-            Err(message) => self.problems.push(Problem::new(self.file.lines.get(path), path, message)),
-        }
-        self.indices.len().saturating_sub(1)
-    }
-
-    fn finish(self) -> Result<Vec<usize>, Error> {
-        if self.problems.is_empty() {
-            Ok(self.indices)
-        } else {
-            Err(Error::new(&self.file.path, self.problems))
-        }
     }
 }

@@ -1,4 +1,5 @@
 //! Tables copied from one format to another, a chunk of rows at a time.
+use std::fs::File;
 use std::path::Path;
 
 use super::{Format, TableReader, TableWriter};
@@ -17,19 +18,18 @@ pub struct Copied {
     pub warnings: Vec<String>,
 }
 
-/// Copies the columns with the given indices, each once, to a file at `path`, in memory that does not grow with the
-/// number of rows. `span_s`, first and last time in seconds, leaves out the rows outside, by the time in the first column.
+/// Copies the columns with the given indices, each once, to an open file, in memory that does not grow with the number of
+/// rows; `path` is what errors call the file. `span_s`, first and last time in seconds, leaves out the rows outside, by the time in the first column.
 ///
 /// `progress` is given the number of rows read so far; its error ends the copying.
 ///
 /// # Errors
-/// What is wrong with the table, a file that cannot be written, an error of `progress`. What is at
-/// `path` then is not whole.
+/// What is wrong with the table, a file that cannot be written, an error of `progress`. What is in the file then is not whole.
 pub fn copy<E: From<Error>>(
     table: Box<dyn TableReader>,
     wanted: &[usize],
     span_s: Option<[f64; 2]>,
-    path: &Path,
+    (file, path): (File, &Path),
     format: Format,
     mut progress: impl FnMut(u64) -> Result<(), E>,
 ) -> Result<Copied, E> {
@@ -37,7 +37,7 @@ pub fn copy<E: From<Error>>(
     let metadata = table.metadata().to_vec();
     let chunks = table.chunks(wanted)?;
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
-    let mut writer = TableWriter::create(path, format, &names, &metadata)?;
+    let mut writer = TableWriter::new(file, path, format, &names, &metadata)?;
     let mut copied = Copied::default();
     let mut infinite = vec![0; wanted.len()];
     let mut read = 0;

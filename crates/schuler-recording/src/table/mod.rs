@@ -38,12 +38,12 @@ use crate::document::suggestion;
 use crate::error::{Error, Problem};
 
 pub use copy::{Copied, copy};
-pub use write::{Format, TableWriter, write};
+pub use write::{Format, TableWriter, write, write_to};
 
 /// Size of the buffers between file, decompressor and parser.
 const BUFFER_BYTES: usize = 1 << 18;
 /// Rows of a chunk.
-const CHUNK_ROWS: usize = 1 << 12;
+pub(crate) const CHUNK_ROWS: usize = 1 << 12;
 /// First bytes of a gzip file.
 const GZIP_MAGIC: &[u8] = &[0x1f, 0x8b];
 /// First bytes of a Parquet file.
@@ -64,7 +64,7 @@ pub struct Columns {
 
 impl Columns {
     /// No rows of so many columns.
-    fn none(columns: usize) -> Self {
+    pub(crate) fn none(columns: usize) -> Self {
         Self { values: vec![Vec::new(); columns], infinite: vec![0; columns], ..Self::default() }
     }
 
@@ -77,7 +77,7 @@ impl Columns {
     }
 
     /// Appends rows of the same columns.
-    fn append(&mut self, mut rows: Self) {
+    pub(crate) fn append(&mut self, mut rows: Self) {
         for (values, more) in self.values.iter_mut().zip(&mut rows.values) {
             values.append(more);
         }

@@ -77,15 +77,30 @@ impl TableWriter {
         names: &[&str],
         metadata: &[(String, String)],
     ) -> Result<Self, Error> {
-        let sink = File::create(path).and_then(|file| match format {
+        let file = File::create(path).map_err(|error| unwritable(path, &error))?;
+        Self::new(file, path, format, names, metadata)
+    }
+
+    /// Writes to an open file; `path` is what errors call it.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn new(
+        file: File,
+        path: &Path,
+        format: Format,
+        names: &[&str],
+        metadata: &[(String, String)],
+    ) -> Result<Self, Error> {
+        let sink = || match format {
             Format::Csv => Ok(Sink::Csv(Box::new(CsvWriter::new(file, names)?))),
             Format::CsvGz => {
                 let encoder = GzEncoder::new(file, flate2::Compression::default());
                 Ok(Sink::CsvGz(Box::new(CsvWriter::new(encoder, names)?)))
             }
             Format::Parquet => Ok(Sink::Parquet(Box::new(ParquetWriter::new(file, names, metadata)?))),
-        });
-        let sink = sink.map_err(|error| unwritable(path, &error))?;
+        };
+        let sink = sink().map_err(|error: io::Error| unwritable(path, &error))?;
         Ok(Self { path: path.to_owned(), columns: names.len(), sink })
     }
 
@@ -207,13 +222,21 @@ impl ParquetWriter {
 /// # Errors
 /// Columns of different lengths, a file that cannot be written.
 pub fn write(path: &Path, columns: &[(&str, &[f64])]) -> Result<(), Error> {
+    write_to(File::create(path).map_err(|error| unwritable(path, &error))?, path, columns)
+}
+
+/// Writes `columns` as [`write()`] does to an open file, which is to be at `path`.
+///
+/// # Errors
+/// As [`write()`].
+pub fn write_to(file: File, path: &Path, columns: &[(&str, &[f64])]) -> Result<(), Error> {
     let rows = columns.first().map_or(0, |(_, values)| values.len());
     if let Some((name, values)) = columns.iter().find(|(_, values)| values.len() != rows) {
         let message = format!("cannot write a column of {} rows beside one of {rows}", values.len());
         return Err(Error::one(path, Problem::new(None, *name, message)));
     }
     let (names, values): (Vec<&str>, Vec<&[f64]>) = columns.iter().copied().unzip();
-    let mut writer = TableWriter::create(path, Format::of(path).unwrap_or(Format::Csv), &names, &[])?;
+    let mut writer = TableWriter::new(file, path, Format::of(path).unwrap_or(Format::Csv), &names, &[])?;
     writer.write(&values)?;
     writer.finish()
 }

@@ -1,0 +1,227 @@
+//! Where the columns of a case stand in its table, and what becomes of them.
+use super::grid::Gap;
+use super::{AuxiliarySeries, MotionSeries, Quality, Recording, SensorSeries};
+use crate::case::{Auxiliary, Case, CaseFile, Quantity};
+use crate::error::{Error, Problem};
+use crate::table::{Columns, TableReader};
+use crate::unit::AuxConversion;
+
+/// The columns that a case asks of its table. A place is an index into the columns asked for.
+#[derive(Clone, Debug)]
+pub(super) struct Layout {
+    /// Index in the table of each column asked for.
+    pub(super) indices: Vec<usize>,
+    /// Place of the time.
+    pub(super) time: usize,
+    /// What warnings call each column.
+    names: Vec<String>,
+    sensors: Vec<usize>,
+    auxiliaries: Vec<(Auxiliary, usize)>,
+    rate: Option<[usize; 3]>,
+    specific_force: Option<[usize; 3]>,
+    velocity_ned: Option<[usize; 3]>,
+    attitude_rad: Option<[usize; 3]>,
+    table_angle: Option<usize>,
+}
+
+/// The rows of a recording.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Rows {
+    pub(super) step_s: f64,
+    pub(super) time_s: Vec<f64>,
+    pub(super) inserted: Vec<bool>,
+    pub(super) gaps: Vec<Gap>,
+}
+
+impl Layout {
+    /// Looks for the columns of a case in its table.
+    ///
+    /// # Errors
+    /// Those that it lacks.
+    pub(super) fn new(file: &CaseFile, table: &dyn TableReader) -> Result<Self, Error> {
+        let mut wanted = Wanted { file, table, indices: Vec::new(), names: Vec::new(), problems: Vec::new() };
+        let case = &file.case;
+        // First: of a log it decides what the rows are.
+        let time = wanted.column(&case.recording.time, "recording.time");
+        let sensors = (case.sensors.iter().enumerate())
+            .map(|(index, it)| wanted.column(&it.column, &format!("sensor[{index}].column")))
+            .collect();
+        let auxiliaries = (all_auxiliaries(case).into_iter())
+            .map(|(it, path)| {
+                let place = wanted.column(&it.column, &path);
+                (it, place)
+            })
+            .collect();
+        let mut triple = |columns: &Option<[String; 3]>, key: &str| {
+            let [x, y, z] = columns.as_ref()?;
+            let places = [(x, 0), (y, 1), (z, 2)];
+            Some(places.map(|(name, axis)| wanted.column(name, &format!("motion.{key}[{axis}]"))))
+        };
+        let motion = &case.motion;
+        let rate = triple(&motion.rate, "rate");
+        let specific_force = triple(&motion.specific_force, "specific_force");
+        let velocity_ned = triple(&motion.velocity_ned, "velocity_ned");
+        let attitude_rad = triple(&motion.attitude_rad, "attitude_rad");
+        let table_angle = case.table().map(|it| wanted.column(&it.column, "calibration.table.column"));
+        let Wanted { indices, names, problems, .. } = wanted;
+        if !problems.is_empty() {
+            return Err(Error::new(&file.path, problems));
+        }
+        Ok(Self {
+            indices,
+            time,
+            names,
+            sensors,
+            auxiliaries,
+            rate,
+            specific_force,
+            velocity_ned,
+            attitude_rad,
+            table_angle,
+        })
+    }
+
+    /// How complete each column is, by place, before rows are put in.
+    pub(super) fn quality(&self, columns: &Columns) -> Vec<Quality> {
+        let of = |place: usize| {
+            let values = columns.values.get(place).map_or(&[][..], Vec::as_slice);
+            let missing = values.iter().filter(|value| value.is_nan()).count();
+            let infinite = columns.infinite.get(place).copied().unwrap_or_default();
+            Quality { present: values.len() - missing, missing, infinite, in_gaps: 0 }
+        };
+        (0..self.indices.len()).map(of).collect()
+    }
+
+    /// What the user is told of infinite values, given their number in each column.
+    pub(super) fn infinite_warnings<'l>(
+        &'l self,
+        file: &CaseFile,
+        infinite: &'l [usize],
+    ) -> impl Iterator<Item = String> + use<'l> {
+        let table = file.table_path();
+        (self.names.iter().zip(infinite).skip(1)).filter(|&(_, &infinite)| infinite > 0).map(
+            move |(name, infinite)| {
+                format!("{}: {name}: {infinite} infinite values are missing", table.display())
+            },
+        )
+    }
+
+    /// The recording of these rows. `values` gives the column at a place as it was read, NaN in the rows put in.
+    pub(super) fn recording(
+        &self,
+        case: Case,
+        rows: Rows,
+        quality: &[Quality],
+        warnings: Vec<String>,
+        mut values: impl FnMut(usize) -> Vec<f64>,
+    ) -> Recording {
+        let quality = |place: usize| quality.get(place).copied().unwrap_or_default();
+        let sensors = (case.sensors.iter().zip(&self.sensors))
+            .map(|(sensor, &place)| SensorSeries {
+                sensor: sensor.in_si(),
+                written_unit: sensor.unit,
+                values: scaled(values(place), sensor.unit.in_si()),
+                quality: quality(place),
+            })
+            .collect();
+        let auxiliaries = (self.auxiliaries.iter())
+            .map(|(auxiliary, place)| {
+                let mut values = values(*place);
+                let conversion = AuxConversion::of(&auxiliary.unit);
+                if !conversion.is_identity() {
+                    for value in &mut values {
+                        *value = conversion.apply(*value);
+                    }
+                }
+                let auxiliary = Auxiliary { unit: conversion.unit, ..auxiliary.clone() };
+                AuxiliarySeries { auxiliary, values, quality: quality(*place) }
+            })
+            .collect();
+        let mut triple = |places: Option<[usize; 3]>| places.map(|places| places.map(&mut values));
+        let motion = MotionSeries {
+            rate: triple(self.rate),
+            specific_force: triple(self.specific_force),
+            velocity_ned: triple(self.velocity_ned),
+            attitude_rad: triple(self.attitude_rad),
+        };
+        let angle_unit = case.table().map_or(1.0, |it| it.unit.in_si());
+        let table_angle = self.table_angle.map(|place| scaled(values(place), angle_unit));
+        Recording {
+            case,
+            step_s: rows.step_s,
+            time_s: rows.time_s,
+            inserted: rows.inserted,
+            gaps: rows.gaps,
+            sensors,
+            auxiliaries,
+            motion,
+            table_angle,
+            warnings,
+        }
+    }
+}
+
+/// What the user is told of the case itself.
+pub(super) fn file_warnings(file: &CaseFile) -> Vec<String> {
+    file.warnings.iter().map(|warning| format!("{}: {warning}", file.path.display())).collect()
+}
+
+/// A problem of the times is one of the table, or of the step that the case gives.
+pub(super) fn time_error(file: &CaseFile, mut problem: Problem) -> Error {
+    if problem.line.is_some() || problem.field == file.case.recording.time {
+        return Error::one(file.table_path(), problem);
+    }
+    "recording.step_s".clone_into(&mut problem.field);
+    problem.line = file.lines.get(&problem.field);
+    Error::one(&file.path, problem)
+}
+
+/// Values times a factor.
+fn scaled(values: Vec<f64>, factor: f64) -> Vec<f64> {
+    values.into_iter().map(|value| value * factor).collect()
+}
+
+/// The auxiliary quantities with the path of each in the case: those that the case lists, and the temperatures that
+/// nominal models depend on without being listed.
+fn all_auxiliaries(case: &Case) -> Vec<(Auxiliary, String)> {
+    let mut all: Vec<(Auxiliary, String)> = (case.auxiliaries.iter().enumerate())
+        .map(|(index, auxiliary)| (auxiliary.clone(), format!("aux[{index}].column")))
+        .collect();
+    for (index, sensor) in case.sensors.iter().enumerate() {
+        let Some(dependence) = &sensor.nominal.temperature_bias else { continue };
+        if all.iter().all(|(auxiliary, _)| auxiliary.column != dependence.column) {
+            let auxiliary = Auxiliary {
+                column: dependence.column.clone(),
+                quantity: Quantity::Temperature,
+                unit: "degC".to_owned(),
+                near: Some(sensor.id.clone()),
+                position_m: None,
+            };
+            all.push((auxiliary, format!("sensor[{index}].nominal.temperature_bias.column")));
+        }
+    }
+    all
+}
+
+/// Columns that are looked for.
+struct Wanted<'f> {
+    file: &'f CaseFile,
+    table: &'f dyn TableReader,
+    indices: Vec<usize>,
+    names: Vec<String>,
+    problems: Vec<Problem>,
+}
+
+impl Wanted<'_> {
+    /// Asks for the column `name`, which stands at `path` in the case; returns its place.
+    fn column(&mut self, name: &str, path: &str) -> usize {
+        match self.table.index(name) {
+            Ok(index) => {
+                self.indices.push(index);
+                self.names.push(name.to_owned());
+            }
+            Err(message) => self.problems.push(Problem::new(self.file.lines.get(path), path, message)),
+        }
+        self.indices.len().saturating_sub(1)
+    }
+}
