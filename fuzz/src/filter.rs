@@ -6,7 +6,7 @@ use schuler_core::module::ModuleConfig;
 use crate::source;
 
 /// Rounding of a correlation: how far below zero the least pivot of its factorisation may come out.
-const ROUNDING: [f64; 2] = [1e-4, 1e-12];
+const ROUNDING: [f64; 2] = [1e-5, 1e-12];
 
 /// Measurements, gaps and new noise, in single and double precision at once.
 pub fn filter(data: &[u8]) {

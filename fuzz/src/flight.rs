@@ -50,7 +50,7 @@ fn corrections() -> Block {
 }
 
 /// Modules that have been started, one a configuration, without and with corrections.
-fn started() -> Vec<Box<FlightModule>> {
+pub(crate) fn started() -> Vec<Box<FlightModule>> {
     let modules = configurations().iter().flat_map(|config| {
         let mut plain = Box::new(FlightModule::new());
         plain.configure(config).expect("the configuration is sound");
@@ -109,7 +109,7 @@ fn checked_step(module: &mut FlightModule, input: &StepInput, steps: &mut u32) {
 }
 
 /// Readings of a quiet flight with a little noise.
-fn ordinary(time_ms: u64, random: u32) -> StepInput {
+pub(crate) fn ordinary(time_ms: u64, random: u32) -> StepInput {
     let noise = f64::from(random >> 8) / f64::from(1 << 24) - 0.5;
     StepInput {
         velocity_error: Reading::good(noise as f32),

@@ -17,6 +17,7 @@
 //! | [`table::mcap`] | an MCAP file, or messages in a sound one | the same |
 //! | [`recording::recording`] | a table under a fixed case | an error, or times that increase and series of one length |
 //! | [`flight::step`] | configuration, readings, commands, clock | finite outputs in range |
+//! | [`state::state`] | a saved state, changed, cut, of another module, in parts | refused and nothing changed, or it flies, and saves as the same |
 //! | [`flight::configuration`] | a module's configuration | refused, or it flies without a panic |
 //! | [`filter::filter`] | measurements, gaps, retunings | covariance symmetric positive definite in both precisions |
 //!
@@ -30,6 +31,7 @@ pub mod link;
 pub mod recording;
 pub mod seeds;
 pub mod source;
+pub mod state;
 pub mod table;
 
 /// Memory that a target may use, bytes.
@@ -47,7 +49,7 @@ pub struct Target {
 }
 
 /// All targets.
-pub const TARGETS: [Target; 13] = [
+pub const TARGETS: [Target; 14] = [
     Target { name: "link_decoder", run: link::decoder, seeds: seeds::frames },
     Target { name: "link_message", run: link::message, seeds: seeds::messages },
     Target { name: "link_endpoint", run: link::endpoint, seeds: seeds::noise },
@@ -59,6 +61,7 @@ pub const TARGETS: [Target; 13] = [
     Target { name: "table_mcap", run: table::mcap, seeds: seeds::mcap_tables },
     Target { name: "recording", run: recording::recording, seeds: seeds::text_tables },
     Target { name: "flight_step", run: flight::step, seeds: seeds::noise },
+    Target { name: "saved_state", run: state::state, seeds: seeds::noise },
     Target { name: "flight_configuration", run: flight::configuration, seeds: seeds::configurations },
     Target { name: "error_filter", run: filter::filter, seeds: seeds::noise },
 ];

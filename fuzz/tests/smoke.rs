@@ -103,6 +103,7 @@ targets!(
     table_mcap,
     recording,
     flight_step,
+    saved_state,
     flight_configuration,
     error_filter
 );

@@ -22,6 +22,10 @@ use flight::{Flight, everything, full_block};
 mod flight;
 
 const STEPS: usize = 25000;
+/// Where version and content of a block begin, and how long the checksum at its end is (schuler_link::configuration).
+const VERSION_AT: usize = 4;
+const CONTENT_AT: usize = 8;
+const CHECKSUM: usize = 4;
 
 /// Every part on, and the noise identified so early that the filter is retuned within these steps.
 fn config() -> ModuleConfig {
@@ -68,6 +72,22 @@ fn input(input: &StepInput) -> SchulerInput {
     }
 }
 
+/// A block with something changed in it, and the checksum that fits.
+fn sealed(block: &[u8], change: impl FnOnce(&mut [u8])) -> Vec<u8> {
+    let mut body = block[..block.len() - CHECKSUM].to_vec();
+    change(&mut body);
+    let checksum = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&body);
+    [body, checksum.to_le_bytes().to_vec()].concat()
+}
+
+/// Writes a number over the one that is there, once.
+fn replace(block: &mut [u8], there: f32, number: f32) {
+    let at: Vec<usize> =
+        block.windows(4).enumerate().filter(|(_, it)| **it == there.to_le_bytes()).map(|(k, _)| k).collect();
+    assert_eq!(at.len(), 1, "{there} stands at {at:?}");
+    block[at[0]..at[0] + 4].copy_from_slice(&number.to_le_bytes());
+}
+
 /// A folder with the files that the example reads, and what it must write.
 struct Mission {
     folder: tempfile::TempDir,
@@ -90,6 +110,19 @@ impl Mission {
         let folder = tempfile::tempdir().unwrap();
         let write = |name: &str, bytes: &[u8]| fs::write(folder.path().join(name), bytes).unwrap();
         write("configuration.bin", &configuration::encode(&config()).unwrap());
+        let refused = |name: &str, config: ModuleConfig, value: f32, bad: f32| {
+            let block = configuration::encode(&config).unwrap();
+            write(name, &sealed(&block, |content| replace(content, value, bad)));
+        };
+        refused("refused_nan.bin", ModuleConfig { velocity_range: 1234.5, ..config() }, 1234.5, f32::NAN);
+        let mut odd = config();
+        odd.filter.gravity = 9.876_543;
+        refused("refused_range.bin", odd, 9.876_543, -1.0);
+        let block = configuration::encode(&config()).unwrap();
+        write("newer.bin", &sealed(&block, |block| block[VERSION_AT] += 1));
+        write("nonsense.bin", &sealed(&block, |block| block[CONTENT_AT..].fill(0xff)));
+        let other = ModuleConfig { velocity_range: 1234.5, ..config() };
+        write("other.bin", &configuration::encode(&other).unwrap());
         write("compensation.bin", &block::encode(&full_block()));
         let inputs: Vec<_> = inputs.iter().map(input).collect();
         write("inputs.bin", bytemuck::cast_slice(&inputs));

@@ -37,9 +37,28 @@ pub fn encode(block: &Block) -> BlockBytes {
 ///
 /// # Errors
 /// Why the bytes are not a block.
-#[inline(never)] // What it needs of the stack is free again when the block is put to use.
 pub fn decode(bytes: &[u8]) -> Result<(Block, u32), BlockError> {
-    seal::open(MAGIC, BLOCK_VERSION, bytes)
+    read(bytes, |block, checksum| (block.clone(), checksum))
+}
+
+/// Hands the block in these bytes and its checksum to `taker`: for who has no stack to move a block about. The values are yet
+/// to be checked by who flies them.
+///
+/// # Errors
+/// Why the bytes are not a block.
+pub fn read<R>(bytes: &[u8], taker: impl FnOnce(&Block, u32) -> R) -> Result<R, BlockError> {
+    let (content, checksum) = seal::open(MAGIC, BLOCK_VERSION, bytes)?;
+    // By reference: a block is too large to be moved.
+    let block = &parse(content);
+    block.as_ref().map(|block| taker(block, checksum)).map_err(|error| *error)
+}
+
+#[inline(never)] // What it needs of the stack is free again when the block is put to use.
+fn parse(content: &[u8]) -> Result<Block, BlockError> {
+    match postcard::take_from_bytes(content) {
+        Ok((block, [])) => Ok(block),
+        _ => Err(BlockError::Content),
+    }
 }
 
 #[cfg(test)]

@@ -37,7 +37,11 @@ pub fn encode(config: &ModuleConfig) -> Result<ConfigurationBytes, ConfigError> 
 /// Why the bytes are not a configuration.
 #[inline(never)]
 pub fn decode(bytes: &[u8]) -> Result<ModuleConfig, BlockError> {
-    seal::open(MAGIC, CONFIGURATION_VERSION, bytes).map(|(config, _)| config)
+    let (content, _) = seal::open(MAGIC, CONFIGURATION_VERSION, bytes)?;
+    match postcard::take_from_bytes(content) {
+        Ok((config, [])) => Ok(config),
+        _ => Err(BlockError::Content),
+    }
 }
 
 #[cfg(test)]

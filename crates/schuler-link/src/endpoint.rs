@@ -23,11 +23,14 @@
 use schuler_core::module::{FlightModule, StateLoader, StatePass, StepInput};
 
 use crate::block::{self, BlockBytes};
-use crate::frame::{Decoder, Frame, FrameError, Wire};
+use crate::frame::{Decoder, Frame, FrameError, ShortWire, on_the_wire};
 use crate::message::{
-    Banner, Board, Counters, HostMessage, Identity, ModuleMessage, Pace, Refusal, STATE_PART, Start,
-    StateBytes, Tick, Transport,
+    Banner, Board, Counters, HostMessage, Identity, MAX_ANSWER, ModuleMessage, Pace, Refusal, STATE_PART,
+    Start, StateBytes, Tick, Transport,
 };
+
+/// What the module says is shorter than what it is told.
+type Answer = ShortWire<{ on_the_wire(MAX_ANSWER) }>;
 
 /// Longest period of the clock's pace, ms.
 const MAX_PERIOD_MS: u32 = 60_000;
@@ -50,9 +53,9 @@ pub struct Endpoint {
     decoder: Decoder,
     last: Option<Accepted>,
     /// Answer to the last command; empty while there is none.
-    answer: Wire,
+    answer: Answer,
     /// Frame of a question, a refusal or a tick.
-    passing: Wire,
+    passing: Answer,
     configured: bool,
     /// Time of the last step, as the module was told: the base for a step without input, milliseconds.
     time_ms: u64,
@@ -106,8 +109,8 @@ impl Endpoint {
             identity,
             decoder: Decoder::new(),
             last: None,
-            answer: Wire::new(),
-            passing: Wire::new(),
+            answer: Answer::new(),
+            passing: Answer::new(),
             configured: false,
             time_ms: 0,
             pace: Stepping::Host,
@@ -307,17 +310,15 @@ impl Endpoint {
 
     #[inline(never)]
     fn load_compensation(&mut self, bytes: &BlockBytes, module: &mut FlightModule) -> ModuleMessage {
-        // By reference: a block is too large to be moved.
-        match &block::decode(bytes) {
-            Ok((block, checksum)) => match module.load_compensation(block) {
-                Ok(()) => {
-                    module.name_compensation(*checksum);
-                    self.counters.compensation = Some(*checksum);
-                    ModuleMessage::CompensationLoaded { checksum: *checksum }
-                }
-                Err(error) => ModuleMessage::Refused(error.into()),
-            },
-            Err(error) => ModuleMessage::Refused(Refusal::Block(*error)),
+        let loaded = block::read(bytes, |block, checksum| module.load_compensation(block).map(|()| checksum));
+        match loaded {
+            Ok(Ok(checksum)) => {
+                module.name_compensation(checksum);
+                self.counters.compensation = Some(checksum);
+                ModuleMessage::CompensationLoaded { checksum }
+            }
+            Ok(Err(error)) => ModuleMessage::Refused(error.into()),
+            Err(error) => ModuleMessage::Refused(Refusal::Block(error)),
         }
     }
 
@@ -394,7 +395,7 @@ impl Endpoint {
     }
 }
 
-fn send(wire: &Wire) -> Reaction<'_> {
+fn send(wire: &Answer) -> Reaction<'_> {
     match wire.as_bytes() {
         [] => Reaction::None,
         frame => Reaction::Send(frame),
@@ -402,7 +403,7 @@ fn send(wire: &Wire) -> Reaction<'_> {
 }
 
 /// Writes the frame; where it does not fit, a frame that says so.
-fn write(wire: &mut Wire, sequence: u32, message: &ModuleMessage) {
+fn write(wire: &mut Answer, sequence: u32, message: &ModuleMessage) {
     if wire.encode(sequence, message).is_err() {
         // A refusal is short: it fits.
         let _ = wire.encode(sequence, &ModuleMessage::Refused(Refusal::AnswerTooLong));
@@ -427,6 +428,7 @@ mod tests {
     use super::*;
     use crate::block::BlockError;
     use crate::frame::FrameError;
+    use crate::frame::Wire;
     use crate::message::RefusedFrames;
 
     const IDENTITY: Identity =

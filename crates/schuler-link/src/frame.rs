@@ -21,12 +21,18 @@ use crate::message::RefusedFrames;
 pub const MAX_MESSAGE: usize = 2560;
 
 /// Longest frame on the wire, borders included, bytes.
-pub const MAX_WIRE: usize = MAX_FRAME + MAX_FRAME.div_ceil(254) + 2;
+pub const MAX_WIRE: usize = on_the_wire(MAX_MESSAGE);
 
 /// Direction, protocol and sequence number.
 const HEADER: usize = 6;
 const CHECKSUM: usize = 4;
 const MAX_FRAME: usize = HEADER + MAX_MESSAGE + CHECKSUM;
+
+/// Longest frame for a message of so many bytes, borders included, bytes.
+pub(crate) const fn on_the_wire(message: usize) -> usize {
+    let frame = HEADER + message + CHECKSUM;
+    frame + frame.div_ceil(254) + 2
+}
 
 pub(crate) const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
@@ -71,22 +77,25 @@ pub enum FrameError {
 pub struct TooLong;
 
 /// One frame as it goes over the wire, or nothing.
+pub type Wire = ShortWire<MAX_WIRE>;
+
+/// The same with room for fewer bytes than the longest frame has.
 #[derive(Debug)]
-pub struct Wire {
-    bytes: [u8; MAX_WIRE],
+pub struct ShortWire<const BYTES: usize> {
+    bytes: [u8; BYTES],
     length: usize,
 }
 
-impl Default for Wire {
+impl<const BYTES: usize> Default for ShortWire<BYTES> {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl Wire {
+impl<const BYTES: usize> ShortWire<BYTES> {
     /// Nothing.
     pub const fn new() -> Self {
-        Self { bytes: [0; MAX_WIRE], length: 0 }
+        Self { bytes: [0; BYTES], length: 0 }
     }
 
     /// The frame for a message. Never panics.
@@ -95,7 +104,7 @@ impl Wire {
     /// The message is too long; the wire then holds nothing.
     pub fn encode<M: Message>(&mut self, sequence: u32, message: &M) -> Result<(), TooLong> {
         self.length = 0;
-        let [border, body @ ..] = &mut self.bytes;
+        let (border, body) = self.bytes.split_first_mut().ok_or(TooLong)?;
         *border = 0;
         let mut flavor = WireFlavor { cobs: CobsEncoder::new(body), digest: CRC.digest() };
         let [s0, s1, s2, s3] = sequence.to_le_bytes();

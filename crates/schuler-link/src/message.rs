@@ -108,6 +108,9 @@ impl Message for ModuleMessage {
     const DIRECTION: u8 = b'<';
 }
 
+/// Longest message of the module, bytes; by the rule below.
+pub(crate) const MAX_ANSWER: usize = size_of::<ModuleMessage>() * 3 / 2 + TAG;
+
 /// The tag of a message, bytes.
 const TAG: usize = 1;
 
@@ -116,7 +119,7 @@ const TAG: usize = 1;
 const _: () = assert!(size_of::<ModuleConfig>() * 3 / 2 + TAG <= MAX_MESSAGE);
 const _: () = assert!(size_of::<StepInput>() * 3 / 2 + TAG <= MAX_MESSAGE);
 const _: () = assert!(MAX_BLOCK + 3 + TAG <= MAX_MESSAGE);
-const _: () = assert!(size_of::<ModuleMessage>() * 3 / 2 <= MAX_MESSAGE);
+const _: () = assert!(MAX_ANSWER <= MAX_MESSAGE);
 const _: () = assert!(size_of::<StateBytes>() <= size_of::<StepOutput>() + 64);
 
 /// What makes the module take a step.

@@ -6,7 +6,6 @@
 use core::fmt;
 
 use heapless::Vec;
-use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::frame::CRC;
@@ -71,11 +70,7 @@ fn write<T: Serialize, const N: usize>(
 }
 
 /// The content of sealed bytes, and their checksum.
-pub(crate) fn open<T: DeserializeOwned>(
-    magic: [u8; 4],
-    version: u16,
-    bytes: &[u8],
-) -> Result<(T, u32), BlockError> {
+pub(crate) fn open(magic: [u8; 4], version: u16, bytes: &[u8]) -> Result<(&[u8], u32), BlockError> {
     let (body, &checksum) = bytes.split_last_chunk::<CHECKSUM>().ok_or(BlockError::Form)?;
     let (&[m0, m1, m2, m3, v0, v1, l0, l1], content) =
         body.split_first_chunk::<HEADER>().ok_or(BlockError::Form)?;
@@ -87,11 +82,5 @@ pub(crate) fn open<T: DeserializeOwned>(
         return Err(BlockError::Checksum);
     }
     let found = u16::from_le_bytes([v0, v1]);
-    if found != version {
-        return Err(BlockError::Version(found));
-    }
-    match postcard::take_from_bytes(content) {
-        Ok((content, [])) => Ok((content, checksum)),
-        _ => Err(BlockError::Content),
-    }
+    if found == version { Ok((content, checksum)) } else { Err(BlockError::Version(found)) }
 }

@@ -1,10 +1,13 @@
 //! Noise of a series: autocorrelation, the published fits, Allan deviation; noise of every sensor of a recording.
 use host_sim::identify as host;
 use host_sim::identify::autocorrelation::Centre;
+use host_sim::output::Interrupted;
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use schuler_core::identification as core;
 use schuler_core::identification::EXPONENTIAL_FLOOR;
+use schuler_explain::watch::Watch;
+use schuler_recording::{Error, Problem};
 
 use crate::answer::python_of;
 use crate::case::{Given, unusable};
@@ -230,7 +233,7 @@ pub(crate) fn allan_deviation(
 /// case: path of a case file, or a dictionary of what would stand there. recording: path of a table instead of the case's,
 /// or a dictionary of arrays of shape (n,) by column, in the units that the case says. longest_lag: steps.
 ///
-/// Raises ValueError with file, line, field and expectation; KeyboardInterrupt comes when it is done.
+/// Raises ValueError with file, line, field and expectation, KeyboardInterrupt within seconds of Ctrl-C.
 #[pyfunction]
 #[pyo3(signature = (case, recording=None, *, longest_lag=1000))]
 pub(crate) fn identify(
@@ -240,9 +243,13 @@ pub(crate) fn identify(
     longest_lag: usize,
 ) -> PyResult<Py<PyAny>> {
     let given = Given::new(case, recording)?;
-    let found = watched(py, None, |_| {
+    let path = given.path();
+    let found = watched(py, None, |watch| {
         let recording = given.read()?;
-        Ok(host::identify(&recording, host::Options { longest_lag }, |_| ()))
+        host::identify_watched(&recording, host::Options { longest_lag }, |_| {
+            if watch.is_cancelled() { Err(Interrupted) } else { Ok(()) }
+        })
+        .map_err(|stopped| Error::one(&path, Problem::of_file(stopped.to_string())))
     })?;
     let found = found.map_err(|error| unusable(&error))?;
     python_of(py, &found)

@@ -395,7 +395,7 @@ fn case(name: &str, coefficient: f64) -> Value {
     fs::write(&path, text).expect("writable");
     let recording = Recording::read(&path).unwrap_or_else(|error| panic!("{error:#}"));
     let explained = explain(&recording, &Options::default()).expect("can be explained");
-    let identified = identify(&recording, IdentifyOptions::default(), |_| ());
+    let identified = identify(&recording, IdentifyOptions::default());
     let write = |what: &str, text: serde_json::Result<String>| -> PathBuf {
         let path = directory.join(format!("{name}.{what}.json"));
         fs::write(&path, text.expect("an answer is JSON")).expect("writable");

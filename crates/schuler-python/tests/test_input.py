@@ -260,6 +260,10 @@ def test_interrupt_and_progress() -> None:
     with pytest.raises(KeyboardInterrupt):
         schuler.explain(case(), columns)
 
+    threading.Timer(0.3, _thread.interrupt_main).start()
+    with pytest.raises(KeyboardInterrupt):
+        schuler.identify(case(), columns)
+
     class Enough(Exception):
         pass
 

@@ -4,6 +4,9 @@
  *
  *   configuration.bin  the configuration block          compensation.bin  the compensation block
  *   inputs.bin         SchulerInput, one after another  outputs.bin       SchulerOutput, one after another
+ *
+ * and blocks that cannot be flown, to show what is said of them: refused_nan.bin, refused_range.bin, newer.bin, nonsense.bin; other.bin
+ * can be flown, and is another one.
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,7 +17,8 @@
 /* In statics: there is no heap, and the stack is small. */
 static SchulerModule module;
 static uint8_t block[4096];
-static uint8_t state[65536];
+static uint8_t state[49152];
+static uint8_t other_state[sizeof state];
 
 /* Ends the program where something is not as it must be. Flight software has better things to do. */
 static void expect(int good, const char *what)
@@ -66,6 +70,57 @@ static void power_cycle(void)
     expect(schuler_restore(&module, state, length) == SCHULER_RESULT_OK, "schuler_restore");
 }
 
+/* A block of the file is answered with this result. */
+static void expect_configure(const char *name, SchulerResult result)
+{
+    size_t length = read_file(name, block, sizeof block);
+    expect(schuler_configure(&module, block, length) == result, name);
+}
+
+/* A value that cannot be flown is named: "velocity_range: must be finite". */
+static void expect_refusal(const char *name, const char *field)
+{
+    char why[128];
+    expect_configure(name, SCHULER_RESULT_REFUSED);
+    expect(schuler_refusal(&module, why, sizeof why) == SCHULER_RESULT_OK, "schuler_refusal");
+    printf("%s: %s\n", name, why);
+    expect(strncmp(why, field, strlen(field)) == 0, "the field that was refused");
+}
+
+/* Configurations and states that are damaged, or not what they should be. */
+static void provoke_with_bytes(void)
+{
+    size_t length, other_length;
+    expect_refusal("refused_nan.bin", "velocity_range: ");
+    expect_refusal("refused_range.bin", "filter.gravity: ");
+    expect_configure("newer.bin", SCHULER_RESULT_VERSION);
+    expect_configure("nonsense.bin", SCHULER_RESULT_CONTENT);
+    expect_configure("compensation.bin", SCHULER_RESULT_FORM);
+    expect(schuler_restore(&module, block, 1) == SCHULER_RESULT_NOT_CONFIGURED, "none of them was taken");
+
+    /* The state of a module with another configuration. */
+    expect_configure("other.bin", SCHULER_RESULT_OK);
+    expect(schuler_save(&module, other_state, sizeof other_state, &other_length) == SCHULER_RESULT_OK, "schuler_save");
+    start();
+    expect(schuler_restore(&module, other_state, other_length) == SCHULER_RESULT_OTHER_CONFIGURATION, "a foreign state");
+
+    expect(schuler_state_length(&module, &length) == SCHULER_RESULT_OK, "schuler_state_length");
+    expect(schuler_save(&module, state, length - 1, &other_length) == SCHULER_RESULT_ROOM, "too little room");
+    expect(schuler_save(&module, state, sizeof state, &length) == SCHULER_RESULT_OK, "schuler_save");
+    expect(schuler_restore(&module, state, length - 1) == SCHULER_RESULT_FORM, "a state cut short");
+    expect(schuler_restore(&module, state, length + 1) == SCHULER_RESULT_FORM, "something behind the state");
+    expect(schuler_restore(&module, block, sizeof block) == SCHULER_RESULT_FORM, "no state at all");
+    expect(schuler_restore(&module, NULL, length) == SCHULER_RESULT_NULL_POINTER, "null");
+    state[length / 2] ^= 0x10;
+    expect(schuler_restore(&module, state, length) == SCHULER_RESULT_CHECKSUM, "a flipped bit");
+    state[length / 2] ^= 0x10;
+
+    /* The module is as it was before all that. */
+    expect(schuler_save(&module, other_state, sizeof other_state, &other_length) == SCHULER_RESULT_OK, "schuler_save");
+    expect(other_length == length && memcmp(state, other_state, length) == 0, "what is refused changes nothing");
+    expect(schuler_restore(&module, state, length) == SCHULER_RESULT_OK, "schuler_restore");
+}
+
 /* What the library refuses, it refuses without harm. */
 static void provoke(void)
 {
@@ -87,6 +142,7 @@ static void provoke(void)
     block[read / 2] ^= 1;
     expect(schuler_configure(&module, block, read) == SCHULER_RESULT_CHECKSUM, "a flipped bit");
     expect(schuler_configure(&module, block, read - 1) == SCHULER_RESULT_FORM, "cut short");
+    provoke_with_bytes();
 }
 
 int main(void)

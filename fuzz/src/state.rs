@@ -1,0 +1,203 @@
+//! Saved states.
+use std::cell::RefCell;
+
+use arbitrary::{Result, Unstructured};
+use schuler_core::module::{FlightModule, StateError, StateLoader, StatePass, Status};
+
+use crate::flight::{check_output, ordinary, started};
+
+/// The checksum of a state, by its definition: it is not made by what is tested.
+const CRC: crc::Crc<u32, crc::Table<16>> = crc::Crc::<u32, crc::Table<16>>::new(&crc::CRC_32_ISO_HDLC);
+const CHECKSUM: usize = 4;
+
+/// Steps before a state is saved, and ordinary ones after it was brought back.
+const BEFORE: u32 = 100;
+const AFTER: u32 = 3;
+
+/// The first of [`started`] are without identification.
+const SHORT: usize = 2;
+
+/// A module in flight, and its state.
+struct Original {
+    module: Box<FlightModule>,
+    state: Vec<u8>,
+}
+
+fn originals() -> Vec<Original> {
+    let flown = started().into_iter().map(|mut module| {
+        for k in 0..BEFORE {
+            module.step(&ordinary(u64::from(k) * 1000, k.wrapping_mul(0x9e37_79b9)));
+        }
+        let state = save(&mut module);
+        Original { module, state }
+    });
+    flown.collect()
+}
+
+fn save(module: &mut FlightModule) -> Vec<u8> {
+    let length = module.state_length().expect("the module is configured and whole");
+    let mut state = vec![0; length as usize];
+    assert_eq!(module.save(&mut state), Ok(state.len()));
+    state
+}
+
+thread_local! {
+    static ORIGINALS: Vec<Original> = originals();
+    static MODULE: RefCell<Box<FlightModule>> = RefCell::new(Box::new(FlightModule::new()));
+}
+
+/// The state of this or another module, changed, cut and joined, as it is or under a sound checksum, as a whole or in parts.
+pub fn state(data: &[u8]) {
+    ORIGINALS.with(|originals| {
+        MODULE.with_borrow_mut(|module| {
+            // Bytes that end too early end the input.
+            let _ = bring_back(&mut Unstructured::new(data), originals, module);
+        });
+    });
+}
+
+fn bring_back(
+    source: &mut Unstructured<'_>,
+    originals: &[Original],
+    module: &mut FlightModule,
+) -> Result<()> {
+    // Mostly one without identification, whose state is a sixth as long, and mostly its own.
+    let short = originals.get(..SHORT).unwrap_or(originals);
+    let targets = if source.ratio(3, 4)? { short } else { originals };
+    let target = source.choose(targets)?;
+    let saved = if source.ratio(1, 4)? { source.choose(originals)? } else { target };
+    let mut state = saved.state.clone();
+    let sealed = source.arbitrary()?;
+    let in_parts = source.ratio(1, 4)?;
+    change(source, &mut state, originals)?;
+    if sealed {
+        seal(&mut state);
+    }
+
+    module.clone_from(&target.module);
+    let taken = if in_parts { load_in_parts(source, module, &state)? } else { module.restore(&state) };
+    match taken {
+        Ok(()) => {
+            let body = state.len() - CHECKSUM;
+            assert_eq!(
+                state[body..],
+                CRC.checksum(&state[..body]).to_le_bytes(),
+                "a damaged state was taken"
+            );
+            flies_on(module, &target.module, state == target.state);
+        }
+        Err(StateError::NotConfigured) => {
+            assert_eq!(module.step(&ordinary(0, 0)).status, Status::NOT_CONFIGURED);
+            // A whole state mends it.
+            assert_eq!(module.restore(&target.state), Ok(()));
+            assert!(save(module) == target.state);
+        }
+        Err(_) => assert!(save(module) == target.state, "changed by a state that was refused"),
+    }
+    Ok(())
+}
+
+/// Values anywhere in it, its end, stretches of other states.
+fn change(source: &mut Unstructured<'_>, state: &mut Vec<u8>, originals: &[Original]) -> Result<()> {
+    for _ in 0..source.int_in_range(0..=8u8)? {
+        let place = usize::from(source.arbitrary::<u16>()?) % state.len().max(1);
+        // Tags and counts are among the last.
+        let place = if source.arbitrary()? { state.len().saturating_sub(place) } else { place };
+        let length = usize::from(source.int_in_range(1..=8u8)?);
+        match source.arbitrary::<u8>()? {
+            0..8 => state.truncate(place),
+            8..16 => state.extend_from_slice(source.bytes(length.min(source.len()))?),
+            16..48 => {
+                let other = &source.choose(originals)?.state;
+                let end = other.len().min(state.len()).min(place + 64 * length);
+                if place < end {
+                    state[place..end].copy_from_slice(&other[place..end]);
+                }
+            }
+            _ => {
+                let bytes = source.bytes(length.min(source.len()))?;
+                state.iter_mut().skip(place).zip(bytes).for_each(|(slot, byte)| *slot = *byte);
+            }
+        }
+    }
+    Ok(())
+}
+
+fn seal(state: &mut [u8]) {
+    if let Some(body) = state.len().checked_sub(CHECKSUM) {
+        let checksum = CRC.checksum(&state[..body]);
+        state[body..].copy_from_slice(&checksum.to_le_bytes());
+    }
+}
+
+/// In two passes of parts, of which the second may be cut short or bring other bytes than the first.
+///
+/// # Errors
+/// Never: an input that has ended gives zeros.
+fn load_in_parts(
+    source: &mut Unstructured<'_>,
+    module: &mut FlightModule,
+    state: &[u8],
+) -> Result<core::result::Result<(), StateError>> {
+    let size = 8 << source.int_in_range(0..=13u8)?;
+    let mut second = state.to_vec();
+    let mut end = state.len();
+    if source.ratio(1, 4)? {
+        end = usize::from(source.arbitrary::<u16>()?) % (end + 1);
+    }
+    if source.ratio(1, 4)? && end > 0 {
+        second[usize::from(source.arbitrary::<u16>()?) % end] ^= source.arbitrary::<u8>()?;
+    }
+    let mut loader = StateLoader::new();
+    for (pass, bytes) in [(StatePass::Check, state), (StatePass::Restore, &second[..end])] {
+        let mut begin = 0;
+        loop {
+            let part = &bytes[begin..bytes.len().min(begin + size)];
+            match loader.take(module, pass, begin as u32, part) {
+                Ok(next) => {
+                    assert!(next as usize <= begin + part.len());
+                    let stands_still = next as usize == begin;
+                    begin = next as usize;
+                    // Cut within a value: the module waits for the rest.
+                    if begin == bytes.len() || stands_still {
+                        break;
+                    }
+                }
+                Err(_) if module.state_length().is_err() => return Ok(Err(StateError::NotConfigured)),
+                Err(error) => return Ok(Err(error)),
+            }
+        }
+        if pass == StatePass::Check && begin != bytes.len() {
+            return Ok(Err(StateError::Form));
+        }
+    }
+    Ok(module.state_length().map(|_| ()))
+}
+
+/// What came back saves and comes back as the same, and both fly the same bits; from an untouched state those that the
+/// module would have flown, which are finite and in range. Of numbers that no module saves only the panic is excluded.
+fn flies_on(module: &mut FlightModule, original: &FlightModule, untouched: bool) {
+    let saved = save(module);
+    let mut other = Box::new(*original);
+    assert_eq!(other.restore(&saved), Ok(()));
+    assert!(save(&mut other) == saved);
+    for k in 0..AFTER {
+        let input = ordinary(u64::from(BEFORE + k) * 1000, k.wrapping_mul(0x9e37_79b9));
+        let outputs = [module.step(&input), other.step(&input)];
+        if untouched {
+            check_output(&outputs[0]);
+        }
+        // As text: NaN is not equal to itself, and comes back as another one.
+        let [one, two] = outputs.map(|output| format!("{output:?}"));
+        assert_eq!(one, two);
+    }
+    if untouched {
+        let mut continued = Box::new(*original);
+        for k in 0..AFTER {
+            continued.step(&ordinary(u64::from(BEFORE + k) * 1000, k.wrapping_mul(0x9e37_79b9)));
+        }
+        assert!(save(&mut continued) == save(module));
+    } else {
+        assert!(save(&mut other) == save(module));
+    }
+}
