@@ -28,8 +28,9 @@ mod image;
 
 /// Before a command is sent again. An emulator on a busy machine stands still for seconds.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// Before a module counts as silent.
-const GIVE_UP: Duration = Duration::from_secs(30);
+/// Before a module counts as silent. On a machine with twenty other things to do an emulator takes more than half a minute to
+/// start.
+const GIVE_UP: Duration = Duration::from_mins(3);
 
 /// Inputs on their way at a time. They must fit into what lies between: a pipe of 64 kB, the module's receive queue of
 /// 4 kB.

@@ -1,10 +1,12 @@
 //! Files that are whole or not there at all, and runs that can be stopped.
+use std::fs::File;
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use schuler_recording::Error;
+use schuler_recording::{Case, Error, Problem, table};
+use tempfile::NamedTempFile;
 
 /// The user has stopped the run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -30,24 +32,58 @@ impl Interrupt {
     }
 }
 
-/// Lets `write` write a temporary file beside `path`, with the same ending, and puts it in the place of `path` when
-/// that is done. Whatever happens before, `path` stays as it was.
+/// A file that is being written beside the one that it is to be, with the same ending. It takes that one's place when it is
+/// kept; until then that one stays as it was, and a draft that is dropped is gone.
+#[derive(Debug)]
+pub struct Draft {
+    temporary: NamedTempFile,
+    path: PathBuf,
+}
+
+impl Draft {
+    /// Begins the file that is to be at `path`.
+    ///
+    /// # Errors
+    /// When no file can be made beside it.
+    pub fn of(path: &Path) -> Result<Self, Error> {
+        let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        let directory = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let temporary = tempfile::Builder::new()
+            .prefix(".")
+            .suffix(&format!(".{name}"))
+            .tempfile_in(directory)
+            .map_err(|error| unwritable(path, &error))?;
+        Ok(Self { temporary, path: path.to_owned() })
+    }
+
+    /// The open file, to write to.
+    ///
+    /// # Errors
+    /// When the system has no handle left.
+    pub fn file(&self) -> Result<File, Error> {
+        self.temporary.as_file().try_clone().map_err(|error| unwritable(&self.path, &error))
+    }
+
+    /// Puts the file in its place.
+    ///
+    /// # Errors
+    /// When it cannot be put there.
+    pub fn keep(self) -> Result<(), Error> {
+        let Self { temporary, path } = self;
+        readable_by_all(temporary.path()).map_err(|error| unwritable(&path, &error))?;
+        temporary.persist(&path).map(drop).map_err(|error| unwritable(&path, &error.error))
+    }
+}
+
+/// Lets `write` write the file that is to be at `path`, and puts it there when that is done. Whatever happens before, what is
+/// at `path` stays as it was.
 ///
 /// # Errors
 /// As `write`, or when the file cannot be made or put in place.
-pub fn atomically<T, E: From<Error>>(path: &Path, write: impl FnOnce(&Path) -> Result<T, E>) -> Result<T, E> {
-    let unwritable = |error: &std::io::Error| Error::io(path, "write the file", error);
-    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    let directory = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let temporary = tempfile::Builder::new()
-        .prefix(".")
-        .suffix(&format!(".{name}"))
-        .tempfile_in(directory)
-        .map_err(|error| unwritable(&error))?
-        .into_temp_path();
-    let written = write(&temporary)?;
-    readable_by_all(&temporary).map_err(|error| unwritable(&error))?;
-    temporary.persist(path).map_err(|error| unwritable(&error.error))?;
+pub fn atomically<T, E: From<Error>>(path: &Path, write: impl FnOnce(File) -> Result<T, E>) -> Result<T, E> {
+    let draft = Draft::of(path)?;
+    let written = write(draft.file()?)?;
+    draft.keep()?;
     Ok(written)
 }
 
@@ -57,11 +93,32 @@ pub fn atomically<T, E: From<Error>>(path: &Path, write: impl FnOnce(&Path) -> R
 /// When the file cannot be written.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), Error> {
     make_directory_of(path)?;
-    atomically(path, |temporary| {
-        std::fs::File::create(temporary)
-            .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
-            .map_err(|error| Error::io(path, "write the file", &error))
+    atomically(path, |mut file| {
+        file.write_all(bytes).and_then(|()| file.sync_all()).map_err(|error| unwritable(path, &error))
     })
+}
+
+/// Writes columns under their names as a table in the format that the name of `path` says, whole or not at all.
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn write_table(path: &Path, columns: &[(&str, &[f64])]) -> Result<(), Error> {
+    atomically(path, |file| table::write_to(file, path, columns))
+}
+
+/// Writes a case, whole or not at all.
+///
+/// # Errors
+/// When it cannot be written.
+pub fn write_case(path: &Path, case: &Case) -> Result<(), Error> {
+    let text = case
+        .to_toml()
+        .map_err(|error| Error::one(path, Problem::of_file(format!("cannot write the case: {error}"))))?;
+    write(path, text.as_bytes())
+}
+
+fn unwritable(path: &Path, error: &std::io::Error) -> Error {
+    Error::io(path, "write the file", error)
 }
 
 /// Makes the directory that `path` is in, if it is not there.
@@ -94,9 +151,9 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("result.csv");
         write(&path, b"old").unwrap();
-        let failed = atomically(&path, |temporary| {
-            std::fs::write(temporary, b"half").unwrap();
-            Err::<(), _>(Error::one(&path, schuler_recording::Problem::of_file("broken")))
+        let failed = atomically(&path, |mut file| {
+            file.write_all(b"half").unwrap();
+            Err::<(), _>(Error::one(&path, Problem::of_file("broken")))
         });
         assert!(failed.is_err());
         assert_eq!(std::fs::read(&path).unwrap(), b"old");

@@ -5,12 +5,12 @@
 use std::path::{Path, PathBuf};
 
 use nalgebra::{UnitQuaternion, Vector3};
+use schuler_recording::Error;
 use schuler_recording::case::{
     Attitude as NominalAttitude, Auxiliary, Case, Motion as NominalMotion, MotionKind, Nominal, Quantity,
     Sensor, SensorKind, Site as NominalSite, Source,
 };
 use schuler_recording::unit::Unit;
-use schuler_recording::{Error, table};
 
 use crate::output::{self, Interrupted};
 use crate::physics::doppler::Doppler;
@@ -55,7 +55,7 @@ impl Columns {
     fn write(&self, path: &Path) -> Result<(), Error> {
         let columns: Vec<(&str, &[f64])> =
             self.0.iter().map(|(name, values)| (name.as_str(), values.as_slice())).collect();
-        table::write(path, &columns)
+        output::write_table(path, &columns)
     }
 }
 
@@ -126,7 +126,7 @@ impl Simulated {
             truth: directory.join(TRUTH),
         };
         self.write_public(directory)?;
-        output::atomically(&written.truth, |path| self.truth.write(path))?;
+        self.truth.write(&written.truth)?;
         Ok(written)
     }
 
@@ -137,8 +137,8 @@ impl Simulated {
     pub fn write_public(&self, directory: &Path) -> Result<(), Error> {
         std::fs::create_dir_all(directory)
             .map_err(|error| Error::io(directory, "make the directory", &error))?;
-        output::atomically(&directory.join(RECORDING), |path| self.recording.write(path))?;
-        output::atomically(&directory.join(CASE), |path| self.case.write(path))
+        self.recording.write(&directory.join(RECORDING))?;
+        output::write_case(&directory.join(CASE), &self.case)
     }
 }
 
@@ -286,7 +286,8 @@ enum SourcePlant {
 }
 
 impl SourcePlant {
-    fn mean(&mut self, step_s: f64, outputs: &[Output]) -> f64 {
+    /// Mean error over a step. What else finds its way in, an instrument's reading already holds.
+    fn mean(&mut self, step_s: f64, outputs: &[Output], parasitic: f64) -> f64 {
         match self {
             Self::Instrument(id, bias, last) => {
                 if let Some(output) = outputs.iter().find(|output| output.id == *id)
@@ -298,7 +299,8 @@ impl SourcePlant {
             }
             Self::Process(drift, white, stream) => {
                 let before = drift.value();
-                0.5 * (before + drift.advance(step_s)) + *white / step_s.sqrt() * stream.normal()
+                let drift = 0.5 * (before + drift.advance(step_s));
+                drift + *white / step_s.sqrt() * stream.normal() + parasitic
             }
         }
     }
@@ -417,8 +419,8 @@ impl<'s> Plant<'s> {
         self.environment.advance(step_s);
         let late: Vec<StepMotion> =
             self.clocks.iter_mut().map(|clock| clock.step(time_s, step_s, self.scenario.parts)).collect();
-        let turned = motion.as_rotation_vector(step_s);
-        let seen = Seen { motion: &motion, late: &late, turned: &turned, scenario: self.scenario };
+        let turned = (!self.scenario.rotation_vectors.is_empty()).then(|| motion.as_rotation_vector(step_s));
+        let seen = Seen { motion: &motion, late: &late, turned: turned.as_ref(), scenario: self.scenario };
         let quantities: Vec<(String, f64)> = (self.scenario.recorded.quantities.iter())
             .map(|entry| (entry.column.clone(), entry.profile.at(time_s)))
             .collect();
@@ -440,7 +442,7 @@ impl<'s> Plant<'s> {
         self.read_accelerometers(time_s, &seen, &parasitic, &mut outputs, recording, truth);
         self.read_dopplers(time_s, &motion, &parasitic, recording, truth);
         self.read_loop(time_s, &motion, &parasitic, &outputs, recording, truth);
-        self.read_surroundings(&motion, &quantities, recording);
+        self.read_surroundings(&motion, &quantities, recording, truth);
         let told = self.believed.as_mut().map(|it| it.step(time_s, step_s, self.scenario.parts));
         let told = told.as_ref().unwrap_or(&motion);
         let (rate, force) = (StepMotion::mean(&told.rate), StepMotion::mean(&told.force));
@@ -615,8 +617,8 @@ impl<'s> Plant<'s> {
         let step_s = self.scenario.step_s;
         let component = usize::from(entry.channel == Channel::East);
         let acceleration = (motion.end.velocity[component] - self.before.velocity[component]) / step_s;
-        let accelerometer = channel.accelerometer.mean(step_s, outputs) + of(parasitic, "accelerometer");
-        let drift = channel.gyro.mean(step_s, outputs) + of(parasitic, "gyro");
+        let accelerometer = channel.accelerometer.mean(step_s, outputs, of(parasitic, "accelerometer"));
+        let drift = channel.gyro.mean(step_s, outputs, of(parasitic, "gyro"));
         channel.truth.advance(step_s, accelerometer, drift, acceleration);
         let velocity = motion.end.velocity[component];
         let delayed = channel.reference.pass(time_s, velocity);
@@ -657,11 +659,18 @@ impl<'s> Plant<'s> {
             .collect()
     }
 
-    fn read_surroundings(&mut self, motion: &StepMotion, quantities: &[(String, f64)], recording: &mut Rows) {
+    fn read_surroundings(
+        &mut self,
+        motion: &StepMotion,
+        quantities: &[(String, f64)],
+        recording: &mut Rows,
+        truth: &mut Rows,
+    ) {
         let recorded = &self.scenario.recorded;
         for (thermometer, entry) in self.thermometers.iter_mut().zip(&recorded.thermometers) {
             let place = self.environment.temperature(entry.position_m);
             recording.put(|| entry.column.clone(), thermometer.read(self.scenario.step_s, place));
+            truth.put(|| format!("{}.temperature", entry.column), place);
         }
         for ((column, value), entry) in quantities.iter().zip(&recorded.quantities) {
             if entry.recorded {
@@ -685,14 +694,17 @@ impl<'s> Plant<'s> {
 struct Seen<'a> {
     motion: &'a StepMotion,
     late: &'a [StepMotion],
-    turned: &'a StepMotion,
+    /// Computed only where some instrument's output is a rotation vector.
+    turned: Option<&'a StepMotion>,
     scenario: &'a Scenario,
 }
 
 impl Seen<'_> {
     fn by(&self, id: &str) -> &StepMotion {
-        if self.scenario.rotation_vectors.iter().any(|sensor| sensor == id) {
-            return self.turned;
+        if let Some(turned) = self.turned
+            && self.scenario.rotation_vectors.iter().any(|sensor| sensor == id)
+        {
+            return turned;
         }
         (self.scenario.clocks.iter().zip(self.late))
             .find(|(clock, _)| clock.sensors.iter().any(|sensor| sensor == id))

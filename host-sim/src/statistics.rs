@@ -1,4 +1,6 @@
 //! What a run's innovations say of its filter: mean, chi-square consistency, whiteness.
+use std::collections::VecDeque;
+
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -13,17 +15,15 @@ pub struct MeanTest {
     pub count: usize,
 }
 
-/// Mean of normalised innovations squared with its 95 % interval: χ² with as many degrees of freedom as there are, over
-/// their number.
-pub fn nis_mean(nis: &[f64]) -> MeanTest {
-    let count = nis.len();
+/// Mean of so many normalised innovations squared, of which this is the sum, with its 95 % interval: χ² with as many degrees
+/// of freedom as there are, over their number.
+pub fn nis_mean(sum: f64, count: usize) -> MeanTest {
     if count == 0 {
         return MeanTest { mean: f64::NAN, interval: [f64::NAN; 2], count };
     }
-    let mean = nis.iter().sum::<f64>() / count as f64;
     let interval = ChiSquared::new(count as f64)
         .map_or([f64::NAN; 2], |chi| [0.025, 0.975].map(|p| chi.inverse_cdf(p) / count as f64));
-    MeanTest { mean, interval, count }
+    MeanTest { mean: sum / count as f64, interval, count }
 }
 
 /// Ljung and Box's test of whiteness.
@@ -37,32 +37,87 @@ pub struct LjungBox {
     pub p_value: f64,
 }
 
-/// Tests a series for whiteness over this many lags; values that are not finite are missing, and products are formed
-/// over what is there. Q = n(n + 2) Σ r_k²/(n_k), with n_k the number of products at lag k.
+/// Tests a series for whiteness over this many lags, as [`LagProducts::ljung_box`].
 pub fn ljung_box(series: &[f64], lags: usize) -> LjungBox {
-    let present: Vec<f64> = series.iter().copied().filter(|v| v.is_finite()).collect();
-    let n = present.len() as f64;
-    if present.len() < 3 * lags.max(1) {
-        return LjungBox { statistic: f64::NAN, lags, p_value: f64::NAN };
+    let mut products = LagProducts::new(lags);
+    for &value in series {
+        products.add(value);
     }
-    let mean = present.iter().sum::<f64>() / n;
-    let variance = present.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n;
-    let mut statistic = 0.0;
-    for lag in 1..=lags {
-        let products = series
-            .iter()
-            .zip(&series[lag.min(series.len())..])
-            .filter(|(a, b)| a.is_finite() && b.is_finite())
-            .map(|(a, b)| (a - mean) * (b - mean));
-        let (sum, count) = products.fold((0.0, 0.0), |(sum, count), p| (sum + p, count + 1.0));
-        if count > 0.0 {
-            // For a gapless series this is r_k² n/(n − k)·…, the usual form.
-            let r = sum / n / variance;
-            statistic += r * r * n * (n + 2.0) / count;
+    products.ljung_box()
+}
+
+/// Products of a series with itself at each lag, summed as its values come; one that is not finite is missing, and products
+/// are formed over what is there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LagProducts {
+    /// The last values, the newest first.
+    recent: VecDeque<f64>,
+    /// From lag zero on.
+    lags: Vec<LagSums>,
+}
+
+/// Sums over the pairs at a lag.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct LagSums {
+    products: f64,
+    /// Of both values of each pair.
+    values: f64,
+    pairs: f64,
+}
+
+impl LagProducts {
+    /// For lags up to this one.
+    pub fn new(lags: usize) -> Self {
+        Self { recent: VecDeque::with_capacity(lags + 1), lags: vec![LagSums::default(); lags + 1] }
+    }
+
+    /// Takes the next value.
+    pub fn add(&mut self, value: f64) {
+        if self.recent.len() == self.lags.len() {
+            self.recent.pop_back();
+        }
+        self.recent.push_front(value);
+        if value.is_finite() {
+            let pairs = self.lags.iter_mut().zip(&self.recent).filter(|(_, before)| before.is_finite());
+            for (sums, before) in pairs {
+                sums.products += value * before;
+                sums.values += value + before;
+                sums.pairs += 1.0;
+            }
         }
     }
-    let p_value = ChiSquared::new(lags as f64).map_or(f64::NAN, |chi| chi.sf(statistic));
-    LjungBox { statistic, lags, p_value }
+
+    /// Mean product at a lag, about zero; NaN without a pair.
+    pub fn mean(&self, lag: usize) -> f64 {
+        self.lags.get(lag).map_or(f64::NAN, |sums| sums.products / sums.pairs)
+    }
+
+    /// How many values there were.
+    pub fn count(&self) -> f64 {
+        self.lags.first().map_or(0.0, |sums| sums.pairs)
+    }
+
+    /// Tests for whiteness: Q = n(n + 2) Σ r_k²/(n_k), with r_k about the mean and n_k the number of products at lag k.
+    pub fn ljung_box(&self) -> LjungBox {
+        let lags = self.lags.len() - 1;
+        let n = self.count();
+        if n < 3.0 * lags.max(1) as f64 {
+            return LjungBox { statistic: f64::NAN, lags, p_value: f64::NAN };
+        }
+        let mean = self.lags[0].values / (2.0 * n);
+        // Σ(a − m)(b − m) of a lag.
+        let about_mean = |sums: &LagSums| sums.products - mean * sums.values + sums.pairs * mean * mean;
+        let power = about_mean(&self.lags[0]);
+        let statistic = (self.lags.iter().skip(1).filter(|sums| sums.pairs > 0.0))
+            .map(|sums| {
+                // For a gapless series this is r_k² n/(n − k)·…, the usual form.
+                let r = about_mean(sums) / power;
+                r * r * n * (n + 2.0) / sums.pairs
+            })
+            .sum();
+        let p_value = ChiSquared::new(lags as f64).map_or(f64::NAN, |chi| chi.sf(statistic));
+        LjungBox { statistic, lags, p_value }
+    }
 }
 
 #[cfg(test)]
@@ -76,13 +131,13 @@ mod tests {
         let covered = (0..2000)
             .filter(|_| {
                 let nis: Vec<f64> = (0..50).map(|_| stream.normal().powi(2)).collect();
-                let test = nis_mean(&nis);
+                let test = nis_mean(nis.iter().sum(), nis.len());
                 (test.interval[0]..test.interval[1]).contains(&test.mean)
             })
             .count();
         assert!((1860..1940).contains(&covered), "{covered}");
         // Table: χ²(100) at 2.5 % and 97.5 %.
-        let test = nis_mean(&[1.0; 100]);
+        let test = nis_mean(100.0, 100);
         assert!((test.interval[0] - 0.742_219).abs() < 1e-5 && (test.interval[1] - 1.295_612).abs() < 1e-5);
     }
 

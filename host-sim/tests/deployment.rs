@@ -99,15 +99,16 @@ fn schuler(arguments: &[&str]) -> Value {
 }
 
 fn flown(case: &Path, block: Option<&BlockBytes>, on: On) -> Flown {
-    let mut channel = flight::plan(&Recording::read(case).unwrap()).unwrap().remove(0);
+    let recording = Recording::read(case).unwrap();
+    let mut channel = flight::plan(&recording).unwrap().remove(0);
     channel.config.identification.method = Method::Off;
     channel.compensation = block.cloned();
-    flight::fly(channel, on, |_| Ok(())).unwrap()
+    Flown::of(channel, &recording, on, |_| Ok(())).unwrap()
 }
 
 /// Mean NIS and root mean square of the innovation, m/s, after the first half hour.
 fn error(flown: &Flown) -> (f64, f64) {
-    let filter = Summary::between(flown, None, 1800).filter.unwrap();
+    let filter = Summary::from(flown, None, 1800).filter.unwrap();
     let innovations = flown.outputs.iter().skip(1800).map(|it| f64::from(it.filter.innovation).powi(2));
     let count = (flown.outputs.len() - 1800) as f64;
     (filter.nis.mean, (innovations.sum::<f64>() / count).sqrt())

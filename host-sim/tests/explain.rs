@@ -113,6 +113,38 @@ fn nothing_concealed_is_nothing_found_and_still_a_success() {
     assert!(std::fs::read_to_string(page).unwrap().contains("No mismatch"));
 }
 
+/// Both noises of the demonstration's loop are wrong by ten on its data sheet, which an oscillating noise of the gyro alone
+/// nearly makes good.
+#[test]
+fn two_noises_that_are_wrong_are_not_taken_for_one_of_another_kind() {
+    let directory = tempfile::tempdir().unwrap();
+    let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/demo.toml");
+    let simulated = Command::new(env!("CARGO_BIN_EXE_schuler"))
+        .arg("simulate")
+        .arg(scenario)
+        .arg("--out")
+        .arg(directory.path())
+        .output()
+        .unwrap();
+    assert!(simulated.status.success(), "{}", text(&simulated.stderr));
+    let case = directory.path().join("case.toml");
+    let json: Value = serde_json::from_slice(&explain(&[case.to_str().unwrap(), "--json"]).stdout).unwrap();
+    let findings = json["findings"].as_array().unwrap();
+    let mut named: Vec<String> =
+        findings.iter().map(|it| format!("{} {}", it["sensor"], it["effect"]).replace('"', "")).collect();
+    named.sort();
+    assert_eq!(named, ["accelerometer noise_markov", "gyro noise_markov"]);
+    let truth =
+        [("accelerometer", [100e-6 * 9.80665, 60.0]), ("gyro", [(0.1_f64 / 3600.0).to_radians(), 1800.0])];
+    for (sensor, expected) in truth {
+        let finding = findings.iter().find(|it| it["sensor"] == sensor).unwrap();
+        for (parameter, expected) in finding["parameters"].as_array().unwrap().iter().zip(expected) {
+            let (value, sigma) = (parameter["value"].as_f64().unwrap(), parameter["sigma"].as_f64().unwrap());
+            assert!((value - expected).abs() < 4.0 * sigma, "{sensor} {parameter}");
+        }
+    }
+}
+
 #[test]
 fn bad_input_is_one_line_that_says_what_and_where() {
     let directory = tempfile::tempdir().unwrap();

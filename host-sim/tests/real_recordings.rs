@@ -2,7 +2,7 @@
 //! beside it, or where SCHULER_DATA says.
 use std::path::{Path, PathBuf};
 
-use host_sim::flight::{self, On, Summary};
+use host_sim::flight::{self, Flown, On, Summary};
 use schuler_recording::Recording;
 
 /// The folder of a real recording; none, and loud about it, where it is not there.
@@ -26,16 +26,16 @@ fn the_six_legs_of_the_underwater_vehicle_fly_north_and_east() {
         let channels = flight::plan(&recording).unwrap();
         assert_eq!(channels.len(), 2);
         for channel in channels {
-            assert_eq!(channel.inputs.len(), 400);
+            let flown = Flown::of(channel, &recording, On::Host, |_| Ok(())).unwrap();
+            let (channel, steps) = (&flown.channel, &flown.steps);
+            assert_eq!(steps.len(), 400);
             assert!((channel.config.filter.step_s - 1.0025).abs() < 1e-6);
             assert!((channel.config.filter.velocity_noise - 0.02).abs() < 1e-6);
-            let differences: Vec<f64> = channel
-                .inputs
+            let differences: Vec<f64> = steps
                 .windows(2)
-                .map(|w| f64::from(w[1].velocity_error.value - w[0].velocity_error.value))
+                .map(|w| f64::from(w[1].input.velocity_error.value - w[0].input.velocity_error.value))
                 .collect();
-            let name = channel.name.clone();
-            let flown = flight::fly(channel, On::Host, |_| Ok(())).unwrap();
+            let name = &channel.name;
             let summary = Summary::of(&flown, None);
             let filter = summary.filter.unwrap();
             // Every step is accounted for, and nothing is lost of a recording without gaps.

@@ -2,7 +2,7 @@
 use std::path::Path;
 
 use host_sim::calibration_table::scenario::{self, CalibrationScenario};
-use host_sim::flight::{self, LoopTruth, On, Summary};
+use host_sim::flight::{self, Flown, LoopStates, LoopTruth, On, Summary};
 use host_sim::scenario::ScenarioFile;
 use host_sim::simulation;
 use schuler_core::identification::Method;
@@ -70,9 +70,10 @@ fn a_filter_that_knows_the_noise_is_consistent_with_the_simulated_loop() {
         let recording = Recording::read(&written.case).unwrap();
         let mut channel = flight::plan(&recording).unwrap().remove(0);
         channel.config.identification.method = Method::Off;
-        let truth = LoopTruth::beside(&written.case, &channel.name, &channel.time_s).unwrap();
-        let flown = flight::fly(channel, On::Host, |_| Ok(())).unwrap();
-        let summary = Summary::of(&flown, truth.as_ref());
+        let mut truth = LoopTruth::beside(&written.case, &channel.name).unwrap().unwrap();
+        let truth: Vec<LoopStates> = recording.time_s.iter().map(|t| truth.at(*t).unwrap()).collect();
+        let flown = Flown::of(channel, &recording, On::Host, |_| Ok(())).unwrap();
+        let summary = Summary::of(&flown, Some(&truth));
         let filter = summary.filter.unwrap();
         let tilt = &summary.truth.unwrap().states[1];
         nees += tilt.nees / runs as f64;

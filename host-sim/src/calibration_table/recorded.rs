@@ -4,12 +4,12 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
+use schuler_recording::Error;
 use schuler_recording::case::calibration::{
     AngleUnit, BodyAxis, CalibrationRun, Cycle, Features, Prior, Table,
 };
 use schuler_recording::case::{Auxiliary, Case, Motion, Nominal, Quantity, Sensor, SensorKind, Site, Source};
 use schuler_recording::unit::Unit;
-use schuler_recording::{Error, table};
 
 use super::scenario::CalibrationScenario;
 use super::{CalibrationTable, CycleRecord, ErrorCoefficients, REMOUNTING_S, TableRecord, TriadErrors};
@@ -47,9 +47,9 @@ impl SimulatedRun {
         };
         let named: Vec<(&str, &[f64])> =
             self.columns.iter().map(|(name, values)| (name.as_str(), values.as_slice())).collect();
-        output::atomically(&written.recording, |path| table::write(path, &named))?;
+        output::write_table(&written.recording, &named)?;
         output::write(&written.truth, self.truth.as_bytes())?;
-        output::atomically(&written.case, |path| self.case.write(path))?;
+        output::write_case(&written.case, &self.case)?;
         Ok((written, self.columns.first().map_or(0, |(_, time)| time.len())))
     }
 

@@ -7,7 +7,7 @@
 //! | `answers/0017.json` | the answer with its salt, and `0017.csv.gz` the oracle's gain row by row |
 use std::path::{Path, PathBuf};
 
-use schuler_recording::{Error, Problem, table};
+use schuler_recording::{Error, Problem};
 use serde::{Deserialize, Serialize};
 
 use super::answer::Answer;
@@ -87,9 +87,7 @@ impl Files {
         let text = serde_json::to_string_pretty(&document).unwrap_or_default();
         output::write(&path, text.as_bytes())?;
         let time: Vec<f64> = (1..=made.gain.len()).map(|k| k as f64 * made.answer.step_s).collect();
-        output::atomically(&self.gain(made.answer.index), |path| {
-            table::write(path, &[("t", &time), ("gain_nats", &made.gain)])
-        })
+        output::write_table(&self.gain(made.answer.index), &[("t", &time), ("gain_nats", &made.gain)])
     }
 
     /// Reads an answer and makes sure that it is the one that was sealed.

@@ -23,7 +23,7 @@ pub struct Noise {
     pub more_white: Option<(f64, f64)>,
 }
 
-/// The Schuler loop whose velocity error is the series; its sensors' errors are means over a step.
+/// The Schuler loop whose velocity error is the series; its sensors' errors are held over a step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Loop {
     /// Radius, m.
@@ -65,7 +65,7 @@ pub struct Whitened {
     pub log_variance: Vec<f64>,
 }
 
-/// One drift's states: its transition, noise and prior, and how the mean over the step reads them.
+/// One drift's states: its transition, noise and prior, and how a reading holds them.
 struct Block {
     f: DMatrix<f64>,
     q: DMatrix<f64>,
@@ -73,15 +73,13 @@ struct Block {
     h: DVector<f64>,
 }
 
-/// The states of a drift. A simulated reading holds the mean of the drift at both ends of the step, so the last value is
-/// a state too.
+/// The states of a drift, sampled at the readings.
 fn block(process: &Process, step_s: f64) -> Vec<Block> {
     let one = |memory: f64, fresh: f64, variance: f64| Block {
-        f: DMatrix::from_row_slice(2, 2, &[memory, 0.0, 1.0, 0.0]),
-        q: DMatrix::from_row_slice(2, 2, &[fresh, 0.0, 0.0, 0.0]),
-        // Before the first step only the present value is there.
-        prior: DMatrix::from_row_slice(2, 2, &[variance, 0.0, 0.0, 0.0]),
-        h: DVector::from_row_slice(&[0.5, 0.5]),
+        f: DMatrix::from_element(1, 1, memory),
+        q: DMatrix::from_element(1, 1, fresh),
+        prior: DMatrix::from_element(1, 1, variance),
+        h: DVector::from_element(1, 1.0),
     };
     match *process {
         Process::Markov { sigma, tau_s } => {
@@ -94,14 +92,10 @@ fn block(process: &Process, step_s: f64) -> Vec<Block> {
             let (s, c) = (beta * step_s).sin_cos();
             let fresh = sigma * sigma * (1.0 - memory * memory);
             vec![Block {
-                f: DMatrix::from_row_slice(
-                    3,
-                    3,
-                    &[memory * c, -memory * s, 0.0, memory * s, memory * c, 0.0, 1.0, 0.0, 0.0],
-                ),
-                q: DMatrix::from_diagonal(&DVector::from_row_slice(&[fresh, fresh, 0.0])),
-                prior: DMatrix::from_diagonal(&DVector::from_row_slice(&[sigma * sigma, sigma * sigma, 0.0])),
-                h: DVector::from_row_slice(&[0.5, 0.0, 0.5]),
+                f: DMatrix::from_row_slice(2, 2, &[memory * c, -memory * s, memory * s, memory * c]),
+                q: DMatrix::from_diagonal_element(2, 2, fresh),
+                prior: DMatrix::from_diagonal_element(2, 2, sigma * sigma),
+                h: DVector::from_row_slice(&[1.0, 0.0]),
             }]
         }
         Process::Flicker { instability, shortest_s, longest_s } => {
@@ -197,7 +191,7 @@ impl Loop {
         let sensors = stacked(&[a, w]);
         let m = sensors.h.len();
         let n = 2 + m;
-        // The sensors move first, then the loop over their means, so the loop reads the new sensor states.
+        // The sensors move first, then the loop over their errors, so the loop reads the new sensor states.
         let accelerometers = self.accelerometer.blocks(step_s).h.len();
         let reads = DMatrix::from_fn(2, m, |row, k| {
             let column = if k < accelerometers { 2 } else { 3 };
@@ -328,12 +322,9 @@ mod tests {
         -0.5 * (y.dot(&factor.solve(y)) + log_determinant + n * std::f64::consts::TAU.ln())
     }
 
-    /// Covariance of the mean of a stationary process at both ends of a step, from its autocovariance.
-    fn averaged(r: impl Fn(f64) -> f64, n: usize) -> DMatrix<f64> {
-        DMatrix::from_fn(n, n, |i, j| {
-            let lag = i.abs_diff(j) as f64 * STEP;
-            0.5 * r(lag) + 0.25 * (r((lag - STEP).abs()) + r(lag + STEP))
-        })
+    /// Covariance of a stationary process at the readings, from its autocovariance.
+    fn sampled(r: impl Fn(f64) -> f64, n: usize) -> DMatrix<f64> {
+        DMatrix::from_fn(n, n, |i, j| r(i.abs_diff(j) as f64 * STEP))
     }
 
     fn noise() -> Noise {
@@ -349,13 +340,12 @@ mod tests {
     }
 
     fn covariance(n: usize) -> DMatrix<f64> {
-        let mut c = averaged(|t| (-t / 20.0).exp(), n);
-        c += averaged(|t| 0.49 * (-0.02 * t).exp() * (0.15 * t).cos(), n);
+        let mut c = sampled(|t| (-t / 20.0).exp(), n);
+        c += sampled(|t| 0.49 * (-0.02 * t).exp() * (0.15 * t).cos(), n);
         for i in 0..n {
             for j in 0..n {
-                // Walk from zero, mean of both ends: E (w_i + w_{i−1})(w_j + w_{j−1})/4.
-                let at = |a: usize, b: usize| a.min(b) as f64 * STEP * 0.05 * 0.05;
-                c[(i, j)] += 0.25 * (at(i + 1, j + 1) + at(i + 1, j) + at(i, j + 1) + at(i, j));
+                // Walk from zero, one step before the first reading.
+                c[(i, j)] += (i.min(j) + 1) as f64 * STEP * 0.05 * 0.05;
             }
             c[(i, i)] += 0.09;
         }
@@ -365,17 +355,12 @@ mod tests {
     fn simulated(n: usize) -> Vec<f64> {
         let design = ReadoutDesign {
             white: 0.3 * STEP.sqrt(),
-            drift: noise().drift,
+            electronics_drift: noise().drift,
             range: f64::INFINITY,
             ..ReadoutDesign::default()
         };
         let mut readout = Readout::new(design, 5, "x");
-        (0..n)
-            .map(|_| {
-                let drift = readout.drift(STEP);
-                readout.read(drift, &Surroundings::default(), STEP)
-            })
-            .collect()
+        (0..n).map(|_| readout.read(0.0, &Surroundings::default(), STEP)).collect()
     }
 
     #[test]
@@ -453,10 +438,8 @@ mod tests {
         let n = 20_000;
         let y: Vec<f64> = (0..n)
             .map(|_| {
-                let (a0, w0) = (a.value(), w.value());
-                let mean_a = 0.5 * (a0 + a.advance(1.0)) + 2e-4 * white.normal();
-                let mean_w = 0.5 * (w0 + w.advance(1.0));
-                truth.advance(1.0, mean_a, mean_w, 0.0);
+                let held = a.advance(1.0) + 2e-4 * white.normal();
+                truth.advance(1.0, held, w.advance(1.0), 0.0);
                 truth.velocity_error + 0.05 * white.normal()
             })
             .collect();

@@ -318,7 +318,7 @@ impl<'c> Bench<'c> {
                 self.slope(it, &views, &cause(truth)).1 < (MOST_FOREIGN * gain).max(LEFT_OVER_NATS)
             }
             _ => true,
-        })
+        }) && truth.is_none_or(|truth| (it.concealed.shows)(truth))
     }
 
     fn finish(
@@ -385,10 +385,11 @@ impl<'c> Bench<'c> {
             }
         }
         let mut tolerated = Vec::new();
+        let begin_s = simulated.recording.get("t").and_then(|t| t.first()).copied().unwrap_or_default();
         let described = effects
             .iter()
             .enumerate()
-            .map(|(j, it)| self.describe(it, &views, realised[j], expected[j], &mut tolerated))
+            .map(|(j, it)| self.describe(it, &views, [realised[j], expected[j]], begin_s, &mut tolerated))
             .collect::<Vec<_>>();
         if draw.chance(group.inexact) {
             inexact(&mut simulated, &mut tolerated, draw);
@@ -412,12 +413,14 @@ impl<'c> Bench<'c> {
         Ok(Made { simulated, answer, gain })
     }
 
+    /// What the answer says of an effect of which taking it out gains this, and on average this; times count from the beginning
+    /// of the recording.
     fn describe(
         &self,
         it: &Sized,
         views: &[View],
-        gain_nats: f64,
-        expected_gain_nats: f64,
+        [gain_nats, expected_gain_nats]: [f64; 2],
+        begin_s: f64,
         tolerated: &mut Vec<Pair>,
     ) -> Effect {
         let c = &it.concealed;
@@ -430,6 +433,7 @@ impl<'c> Bench<'c> {
                     if c.linear { it.size * per } else { it.size.abs() * per }
                 }
                 Rule::Fixed(value) => *value,
+                Rule::Instant(time_s) => time_s - begin_s,
                 Rule::Slope(cause) => {
                     let Some(truth) = it.silent.as_ref().map(|s| &s.truth) else { continue };
                     let (slope, left) = self.slope(it, views, &cause(truth));
@@ -461,7 +465,7 @@ impl<'c> Bench<'c> {
             effect: c.effect.to_owned(),
             family: c.family,
             same,
-            interval_s: c.interval_s,
+            interval_s: c.interval_s.map(|interval| interval.map(|time_s| time_s - begin_s)),
             parameters,
             gain_nats,
             expected_gain_nats,

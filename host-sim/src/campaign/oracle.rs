@@ -142,7 +142,7 @@ pub fn silent(scenario: &Scenario) -> Scenario {
     let mut it = exact(scenario);
     each_readout(&mut it, |readout| {
         readout.white = 0.0;
-        readout.drift.clear();
+        readout.electronics_drift.clear();
     });
     it.faults.retain(|entry| !matches!(entry.fault.fault, Fault::Noise(_)));
     if let Some(entry) = &mut it.schuler_loop {

@@ -140,7 +140,9 @@ pub fn score(
                 it.found = true;
                 it.right = f < answer.effects.len();
                 it.in_class_only = by_class;
-                if finding.effect == effect.effect && effect.form_error_nats <= FORMULA_HOLDS_NATS {
+                // On the other of two sensors that are only compared the same effect has another coefficient.
+                let named = finding.sensor == effect.sensor && finding.effect == effect.effect;
+                if named && effect.form_error_nats <= FORMULA_HOLDS_NATS {
                     it.parameters =
                         effect.parameters.iter().map(|p| parameter(p, &finding.parameters)).collect();
                 }

@@ -208,28 +208,11 @@ fn round(value: f64) -> f64 {
     (value * scale).round() / scale
 }
 
-/// The output of an instrument whose readings have this noise.
-///
-/// Readings are means over a step. The mean of what is correlated lacks a part of its variance that the figures of a case give it:
-/// half of sinh(Δα) cos(Δβ) where R(τ) = σ² exp(−α abs τ) cos βτ. The white noise of the instrument is larger by it. An instrument without
-/// any is read by the Schuler loop, which wants the mean as it is.
+/// The output of an instrument whose readings have this noise, as a case states it: the drift is that of the readings themselves.
 fn readout(noise: &Noise, step_s: f64) -> ReadoutDesign {
-    let lacking = |process: &Process| match *process {
-        Process::Markov { sigma, tau_s } => sigma * sigma * (step_s / tau_s).sinh() / 2.0,
-        Process::ExponentialCosine { sigma, alpha, beta } => {
-            sigma * sigma * (step_s * alpha).sinh() * (step_s * beta).cos() / 2.0
-        }
-        Process::RandomWalk { rate } => rate * rate * step_s / 4.0,
-        Process::Flicker { .. } => 0.0,
-    };
-    let white = if noise.white > 0.0 {
-        (noise.white.powi(2) + noise.drift.iter().map(lacking).sum::<f64>()).sqrt()
-    } else {
-        0.0
-    };
     ReadoutDesign {
-        white: white * step_s.sqrt(),
-        drift: noise.drift.clone(),
+        white: noise.white * step_s.sqrt(),
+        electronics_drift: noise.drift.clone(),
         range: f64::INFINITY,
         ..ReadoutDesign::default()
     }
@@ -993,4 +976,72 @@ fn channel(most_rows: usize, seed: u64, draw: &mut Draw) -> Setting {
     };
     let all = vec![("velocity_error".to_owned(), Noise { white, ..Noise::default() })];
     Setting { kind: Kind::Channel, scenario, noise: all, channel: Some(channel) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::campaign::likelihood::Model;
+    use crate::campaign::oracle;
+    use crate::physics::readout::{Readout, Surroundings};
+    use crate::simulation;
+
+    /// Twice what a free level of the white noise gains over the stated one, nearly: χ² with one degree of freedom.
+    fn of_free_white(time_s: &[f64], series: &[f64], model: impl Fn(f64) -> Model) -> f64 {
+        let step: f64 = 0.01;
+        let [less, stated, more] =
+            [-step, 0.0, step].map(|by| model(by.exp()).log_likelihood(time_s, series));
+        let slope = (more - less) / (2.0 * step);
+        let curvature = (2.0 * stated - more - less) / (step * step);
+        slope * slope / curvature
+    }
+
+    /// What a case states as noise is the noise of the readings, whatever the instrument: 1e-4 is χ² > 15.
+    #[test]
+    fn readings_have_the_noise_that_the_case_states() {
+        for kind in Kind::ALL {
+            for seed in 1..=3 {
+                let setting = Setting::draw(kind, 6000, seed, &mut Draw::new(seed, "setting"));
+                let rows = simulation::steps(&setting.scenario);
+                let time: Vec<f64> = (1..=rows).map(|k| k as f64 * setting.scenario.step_s).collect();
+                let run = |scenario: &Scenario| {
+                    oracle::outputs(&setting, &simulation::run(scenario, |_| Ok(())).unwrap(), rows)
+                };
+                let with = run(&oracle::exact(&setting.scenario));
+                let noise = oracle::difference(&with, &run(&oracle::silent(&setting.scenario)));
+                let views = |factor: f64| {
+                    oracle::views(&setting, |id| {
+                        let it = setting.noise_of(id);
+                        Noise { white: factor * it.white, ..it }
+                    })
+                };
+                for (k, view) in views(1.0).iter().enumerate() {
+                    let series = view.of(&noise, rows);
+                    let found = of_free_white(&time, &series, |factor| views(factor)[k].model.clone());
+                    assert!(found < 15.0, "{kind:?} {seed} {:?}: {found}", view.weights);
+                }
+            }
+        }
+    }
+
+    /// The same where the white noise is small beside what the drift moves from reading to reading.
+    #[test]
+    fn a_fast_drift_leaves_the_white_noise_as_stated() {
+        let step_s = 0.5;
+        for process in [
+            Process::Markov { sigma: 1.0, tau_s: 2.5 },
+            Process::ExponentialCosine { sigma: 1.0, alpha: 0.1, beta: 0.8 },
+            Process::RandomWalk { rate: 0.5 },
+            Process::Flicker { instability: 2.0, shortest_s: 2.0, longest_s: 2000.0 },
+        ] {
+            let noise = Noise { white: 0.1, drift: vec![process], ..Noise::default() };
+            let mut output = Readout::new(readout(&noise, step_s), 1, "x");
+            let series: Vec<f64> =
+                (0..20_000).map(|_| output.read(0.0, &Surroundings::default(), step_s)).collect();
+            let time: Vec<f64> = (1..=series.len()).map(|k| k as f64 * step_s).collect();
+            let of = |factor: f64| Noise { white: factor * noise.white, ..noise.clone() }.model(step_s);
+            let found = of_free_white(&time, &series, of);
+            assert!(found < 15.0, "{process:?}: {found}");
+        }
+    }
 }

@@ -6,11 +6,12 @@ use schuler_explain::calibration::{
     Calibration, CalibrationError, Coefficient, CycleReport, Determination, Element, Experiment, Feature,
     ThermalPoint, Verdict, calibrate_watched,
 };
-use schuler_recording::{CaseFile, Error, Problem, Recording};
+use schuler_recording::{CaseFile, Error, Problem};
 use serde::Serialize;
 
 use super::Failure;
 use super::fly::write_json;
+use super::memory::{self, Need};
 use super::session::Session;
 use super::text::put;
 use crate::calibration_table::recorded::{TrueElement, truth_beside};
@@ -23,6 +24,9 @@ const COMPENSATION: &str = "compensation.toml";
 const ORDER: &str = "coefficient, in the order of the table";
 /// A value further from zero than this many prior standard deviations is not plausible.
 const IMPLAUSIBLE: f64 = 3.0;
+
+/// Memory that calibrating takes for each value of the recording; 13 bytes were measured over what a program takes.
+const NEED: Need = Need { row: 0, value: 25 };
 
 /// What its help teaches.
 const EXAMPLES: &str = "\
@@ -118,7 +122,7 @@ pub(super) fn made(arguments: &Arguments, session: &Session) -> Result<(Answer, 
         problem.line = problem.line.or_else(|| lines.get(&problem.field));
         Failure::from(Error::one(&arguments.case, problem))
     };
-    let recording = Recording::of_case(file)?;
+    let recording = memory::recording(file, NEED, session)?;
     Session::warn(&recording.warnings);
     let experiment = Experiment::of_recording(&recording).map_err(at_fault)?;
     let truth = truth_beside(&arguments.case)?;

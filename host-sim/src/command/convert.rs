@@ -131,7 +131,7 @@ fn of_case(arguments: &Arguments, session: &Session) -> Result<Answer, Failure> 
     let mut answer = write(table, &wanted, &arguments.output.join(&name), format, arguments, session)?;
     answer.warnings.extend(file.warnings.iter().map(|warning| format!("{}: {warning}", file.path.display())));
     file.case.recording.path = name;
-    output::atomically(&case, |temporary| file.case.write(temporary))?;
+    output::write_case(&case, &file.case)?;
     answer.case = Some(case);
     Ok(answer)
 }
@@ -175,8 +175,8 @@ fn write(
     let columns = wanted.iter().filter_map(|&index| table.names().get(index).cloned()).collect();
     let waiting = session.waiting("converting");
     output::make_directory_of(path)?;
-    let Copied { rows, span_s, warnings, .. } = output::atomically(path, |temporary| {
-        let copied = table::copy(table, wanted, span_s, temporary, format, |_| {
+    let Copied { rows, span_s, warnings, .. } = output::atomically(path, |file| {
+        let copied = table::copy(table, wanted, span_s, (file, path), format, |_| {
             waiting.check().map_err(Failure::from)
         })?;
         if copied.rows == 0 && copied.left_out > 0 {

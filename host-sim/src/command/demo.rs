@@ -11,7 +11,7 @@ use super::session::Session;
 use super::simulate;
 use super::text;
 use crate::flight::summary::{NoiseSummary, TruthState};
-use crate::flight::{self, Channel, Flown, LoopTruth, On, Summary, figures};
+use crate::flight::{self, Channel, Flown, LoopStates, LoopTruth, On, Summary, figures};
 use crate::plot::{Figure, Format, Panel};
 use crate::scenario::ScenarioFile;
 
@@ -105,23 +105,32 @@ pub(super) fn made(arguments: &Arguments, session: &Session) -> Result<Answer, F
     let planned =
         flight::plan(&recording).map_err(|problem| schuler_recording::Error::one(&written.case, problem))?;
     let channel = planned.into_iter().next().ok_or_else(|| anyhow::anyhow!("nothing to fly"))?;
-    let truth = LoopTruth::beside(&written.case, &channel.name, &channel.time_s)?
-        .ok_or_else(|| anyhow::anyhow!("the simulation has left no truth"))?;
+    let truth = truth(&written.case, &channel.name, &recording)?;
     let fly = |method: Method| -> Result<Flown, Failure> {
         let mut channel: Channel = channel.clone();
         channel.config.identification.method = method;
-        fly::flown(channel, arguments.on, &written.case, session)
+        fly::flown(channel, &recording, arguments.on, &written.case, session)
     };
     let mistuned = fly(Method::Off)?;
     let retuned = fly(Method::Likelihood)?;
 
-    let summary = Summary::of(&retuned, Some(&truth));
+    let mut products = fly::Products::of(
+        &retuned.channel,
+        retuned.steps.len(),
+        true,
+        Some(&arguments.out),
+        &arguments.plot,
+    )?;
+    for ((step, output), truth) in retuned.iter().zip(&truth) {
+        products.add(step, output, Some(truth))?;
+    }
+    let (summary, flown) = products.finish()?;
     let first_retuned = summary
         .identification
         .as_ref()
         .and_then(|it| it.retuned_at_s.first().copied())
         .unwrap_or(scenario.duration_s);
-    files.extend(fly::write(&retuned, &summary, Some(&truth), &arguments.out, &arguments.plot)?);
+    files.extend(flown);
     let comparison = Figure {
         title: "Error of the vertical against what the filter believes of it".to_owned(),
         panels: vec![
@@ -159,15 +168,22 @@ pub(super) fn made(arguments: &Arguments, session: &Session) -> Result<Answer, F
     Ok(answer)
 }
 
+/// What the simulation has left of the truth of a channel, at the recording's times.
+pub(super) fn truth(case: &Path, channel: &str, recording: &Recording) -> Result<Vec<LoopStates>, Failure> {
+    let mut truth = LoopTruth::beside(case, channel)?
+        .ok_or_else(|| anyhow::anyhow!("the simulation has left no truth"))?;
+    Ok(recording.time_s.iter().map(|time_s| truth.at(*time_s)).collect::<Result<_, _>>()?)
+}
+
 /// The same scale for both, of 5 of the vertical's usual errors; the first minutes go beyond it.
 fn scaled(panel: Panel) -> Panel {
     Panel { y_range: Some((-100.0, 100.0)), ..panel }
 }
 
 /// Both filters over the same time: from the first retuning on.
-fn compared(flown: &Flown, truth: &LoopTruth, from_s: f64) -> Result<Comparison, Failure> {
-    let from = flown.channel.time_s.partition_point(|t| *t < from_s);
-    let summary = Summary::between(flown, Some(truth), from);
+fn compared(flown: &Flown, truth: &[LoopStates], from_s: f64) -> Result<Comparison, Failure> {
+    let from = flown.steps.partition_point(|step| step.time_s < from_s);
+    let summary = Summary::from(flown, Some(truth), from);
     let nothing = || anyhow::anyhow!("the flight has no outputs");
     let identification = summary.identification.ok_or_else(nothing)?;
     let tilt = summary.truth.and_then(|it| it.states.into_iter().nth(TILT)).ok_or_else(nothing)?;

@@ -17,7 +17,7 @@ use super::{Failure, calibrate, compare_isolation, demo, fly, simulate};
 use crate::calibration_table::scenario::CalibrationScenario;
 use crate::calibration_table::{CalibrationTable, CycleRecord, Programme, TableRecord, TriadErrors};
 use crate::compare_isolation::{ComparisonError, IsolationComparison, compare_isolation_watched};
-use crate::flight::{self, Flown, LoopTruth, On};
+use crate::flight::{self, Flown, On};
 use crate::identify::{self, identify};
 use crate::physics::random::Process;
 use crate::plot::{Colour, Figure, Format, Layer, Panel};
@@ -116,12 +116,11 @@ fn published_loop(case: &Path, session: &Session) -> Result<Figure, Failure> {
     let recording = Recording::read(case)?;
     let planned = flight::plan(&recording).map_err(|problem| Error::one(case, problem))?;
     let channel = planned.into_iter().next().ok_or_else(|| anyhow::anyhow!("nothing to fly"))?;
-    let truth = LoopTruth::beside(case, &channel.name, &channel.time_s)?
-        .ok_or_else(|| anyhow::anyhow!("the simulation has left no truth"))?;
+    let truth = demo::truth(case, &channel.name, &recording)?;
     let fly = |method: Method| {
         let mut channel = channel.clone();
         channel.config.identification.method = method;
-        fly::flown(channel, On::Host, case, session)
+        fly::flown(channel, &recording, On::Host, case, session)
     };
     let flights = [
         ("published loop", fly(Method::Published)?, Colour::Red),
@@ -132,12 +131,12 @@ fn published_loop(case: &Path, session: &Session) -> Result<Figure, Failure> {
         let known: Vec<f64> = values.iter().filter(|v| v.is_finite()).map(|v| v * v).collect();
         (known.iter().sum::<f64>() / known.len() as f64).sqrt()
     };
-    let [_, _, accelerometer, gyro] = &truth.states;
+    let [accelerometer, gyro] = [2, 3].map(|k| truth.iter().map(|states| states[k]).collect::<Vec<f64>>());
     let sensors: [(&str, f64, NoiseInUse); 2] = [
-        ("accelerometer", rms(accelerometer), |f| {
+        ("accelerometer", rms(&accelerometer), |f| {
             f.outputs.iter().map(|o| &o.identification.accelerometer).collect()
         }),
-        ("gyro", rms(gyro), |f| f.outputs.iter().map(|o| &o.identification.gyro).collect()),
+        ("gyro", rms(&gyro), |f| f.outputs.iter().map(|o| &o.identification.gyro).collect()),
     ];
     let mut panels = Vec::new();
     for (sensor, simulated, in_use) in sensors {
@@ -170,7 +169,7 @@ fn structure_and_noise(directory: &Path, session: &Session) -> Result<[(&'static
     let scenario = ScenarioFile::parse("gyro_noise.toml".as_ref(), GYRO_NOISE)?.scenario;
     let written = simulate::simulated(&scenario, session)?.write(directory)?;
     let recording = Recording::read(&written.case)?;
-    let found = identify(&recording, identify::Options { longest_lag: 360 }, |_| ());
+    let found = identify(&recording, identify::Options { longest_lag: 360 });
     let (mut structure, mut noise) = (Vec::new(), Vec::new());
     for ((sensor, gyro), (_, figure)) in
         found.sensors.iter().zip(&scenario.gyros).zip(identify::figures::all(&found))

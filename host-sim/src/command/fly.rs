@@ -3,6 +3,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use schuler_core::identification::Method;
+use schuler_core::module::StepOutput;
 use schuler_link::block::{self, BlockBytes, MAX_BLOCK};
 use schuler_link::configuration;
 use schuler_recording::{CaseFile, Error, Problem, Recording};
@@ -12,8 +13,9 @@ use super::Failure;
 use super::session::Session;
 use super::text;
 use crate::emulator::TargetError;
+use crate::flight::figures::Figures;
 use crate::flight::mission::FlightError;
-use crate::flight::{self, Channel, Flown, LoopTruth, On, Summary, figures, outputs};
+use crate::flight::{self, Channel, Flown, LoopStates, LoopTruth, On, Step, Summary, Summing, outputs};
 use crate::output;
 use crate::plot::Format;
 
@@ -87,36 +89,44 @@ pub(super) struct Answer {
 }
 
 pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failure> {
-    let file = CaseFile::read(&arguments.case)?;
-    let lines = file.lines.clone();
-    let recording = Recording::of_case(file)?;
-    Session::warn(&recording.warnings);
-    let channels = flight::plan(&recording).map_err(|mut problem| {
-        problem.line = problem.line.or_else(|| lines.get(&problem.field));
-        Error::one(&arguments.case, problem)
-    })?;
-
+    let waiting = session.waiting("reading");
+    let (recording, channels) =
+        flight::plan_stream(CaseFile::read(&arguments.case)?, |_| Ok::<_, Failure>(waiting.check()?))?;
+    drop(waiting);
+    Session::warn(&recording.head().warnings);
     let compensation = arguments.compensation.as_deref().map(read_block).transpose()?;
+    if let Some(directory) = &arguments.out {
+        fs::create_dir_all(directory).map_err(|error| Error::io(directory, "make the directory", &error))?;
+    }
 
     let mut answer = Answer {
         format: "schuler-flight/1",
         case: arguments.case.clone(),
-        title: recording.case.title.clone(),
+        title: recording.head().case.title.clone(),
         on: arguments.on.name(),
         channels: Vec::new(),
         files: Vec::new(),
-        warnings: recording.warnings.clone(),
+        warnings: recording.head().warnings.clone(),
     };
     for mut channel in channels {
         channel.config.identification.method = arguments.identification.into();
         channel.compensation.clone_from(&compensation);
-        let truth = LoopTruth::beside(&arguments.case, &channel.name, &channel.time_s)?;
-        let flown = flown(channel, arguments.on, &arguments.case, session)?;
-        let summary = Summary::of(&flown, truth.as_ref());
-        if let Some(directory) = &arguments.out {
-            let files = write(&flown, &summary, truth.as_ref(), directory, &arguments.plot)?;
-            answer.files.extend(files);
-        }
+        let mut truth = LoopTruth::beside(&arguments.case, &channel.name)?;
+        let directory = arguments.out.as_deref();
+        let mut products =
+            Products::of(&channel, recording.rows(), truth.is_some(), directory, &arguments.plot)?;
+        let progress = session.progress(&format!("flying {}", channel.name), recording.rows());
+        let mut done = 0;
+        flight::fly(&channel, channel.stream(&recording)?, arguments.on, |step, output| {
+            let truth = truth.as_mut().map(|truth| truth.at(step.time_s)).transpose()?;
+            products.add(step, output, truth.as_ref())?;
+            done += 1;
+            Ok(progress.at(done)?)
+        })
+        .map_err(|error| failure(error, &arguments.case))?;
+        drop(progress);
+        let (summary, files) = products.finish()?;
+        answer.files.extend(files);
         answer.channels.push(summary);
     }
     if let Some(directory) = &arguments.out {
@@ -125,6 +135,72 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
         answer.files.push(path);
     }
     session.answer(&answer, text::flight)
+}
+
+/// What becomes of a flight while it goes on.
+pub(super) struct Products<'c> {
+    channel: &'c Channel,
+    summing: Summing<'c>,
+    figures: Option<Figures<'c>>,
+    /// Where files are written, the outputs among them.
+    files: Option<(&'c Path, PathBuf, outputs::Writer)>,
+    formats: &'c [Format],
+}
+
+impl<'c> Products<'c> {
+    /// Of a channel of so many steps: always a summary; in a directory, which must be there, the outputs, and figures in these
+    /// forms.
+    pub(super) fn of(
+        channel: &'c Channel,
+        steps: usize,
+        with_truth: bool,
+        directory: Option<&'c Path>,
+        formats: &'c [Format],
+    ) -> Result<Self, Error> {
+        let files = directory.map(|directory| {
+            let path = directory.join(format!("{}_outputs.csv.gz", channel.name));
+            outputs::Writer::of(channel, &path).map(|writer| (directory, path, writer))
+        });
+        Ok(Self {
+            channel,
+            summing: Summing::new(channel, with_truth.then_some(steps / 4)),
+            figures: (!formats.is_empty()).then(|| Figures::of(channel, steps, with_truth)),
+            files: files.transpose()?,
+            formats,
+        })
+    }
+
+    /// Takes the next step, with the truth where it is known.
+    pub(super) fn add(
+        &mut self,
+        step: &Step,
+        output: &StepOutput,
+        truth: Option<&LoopStates>,
+    ) -> Result<(), Error> {
+        self.summing.add(step, output, truth);
+        if let Some(figures) = &mut self.figures {
+            figures.add(step, output, truth);
+        }
+        self.files.as_mut().map_or(Ok(()), |(_, _, writer)| writer.add(step, output))
+    }
+
+    /// The summary, and what was written.
+    pub(super) fn finish(self) -> Result<(Summary, Vec<PathBuf>), Error> {
+        let summary = self.summing.finish();
+        let Some((directory, path, writer)) = self.files else { return Ok((summary, Vec::new())) };
+        writer.finish()?;
+        let mut files = vec![path];
+        // For who has the module in his own flight software. What has flown can be flown.
+        if let Ok(block) = configuration::encode(&self.channel.config) {
+            let path = directory.join(format!("{}_configuration.bin", self.channel.name));
+            output::write(&path, &block)?;
+            files.push(path);
+        }
+        for (name, figure) in self.figures.map(|it| it.finish(&summary)).unwrap_or_default() {
+            files.extend(figure.write(directory, &name, self.formats)?);
+        }
+        Ok((summary, files))
+    }
 }
 
 /// Reads a compensation block and checks it as the module will.
@@ -137,43 +213,29 @@ fn read_block(path: &Path) -> Result<BlockBytes, Failure> {
         .map_err(|_| block(Problem::of_file(format!("is longer than {MAX_BLOCK} bytes"))))
 }
 
-/// Flies a channel with a progress bar. A configuration that cannot be flown is the case's mistake.
-pub(super) fn flown(channel: Channel, on: On, case: &Path, session: &Session) -> Result<Flown, Failure> {
-    let progress = session.progress(&format!("flying {}", channel.name), channel.inputs.len());
-    flight::fly(channel, on, |step| progress.at(step)).map_err(|error| match error {
+/// Flies a channel over a recording in memory, with a progress bar.
+pub(super) fn flown(
+    channel: Channel,
+    recording: &Recording,
+    on: On,
+    case: &Path,
+    session: &Session,
+) -> Result<Flown, Failure> {
+    let progress = session.progress(&format!("flying {}", channel.name), recording.len());
+    Flown::of(channel, recording, on, |step| progress.at(step)).map_err(|error| failure(error, case))
+}
+
+/// A configuration that cannot be flown is the case's mistake.
+fn failure(error: FlightError, case: &Path) -> Failure {
+    match error {
         FlightError::Interrupted(stopped) => Failure::Stopped(stopped),
+        FlightError::File(error) => Failure::Input(error),
         FlightError::Target(TargetError::Configuration { field, problem }) => {
             let message = format!("follows from the case and {problem}; expected one that can be flown");
             Failure::Input(Error::one(case, Problem::new(None, field, message)))
         }
         FlightError::Target(other) => Failure::Other(other.into()),
-    })
-}
-
-/// Writes outputs and figures of a channel and names what was written.
-pub(super) fn write(
-    flown: &Flown,
-    summary: &Summary,
-    truth: Option<&LoopTruth>,
-    directory: &Path,
-    formats: &[Format],
-) -> Result<Vec<PathBuf>, Error> {
-    fs::create_dir_all(directory).map_err(|error| Error::io(directory, "make the directory", &error))?;
-    let path = directory.join(format!("{}_outputs.csv.gz", flown.channel.name));
-    outputs::write(flown, &path)?;
-    let mut files = vec![path];
-    // For who has the module in his own flight software. What has flown can be flown.
-    if let Ok(block) = configuration::encode(&flown.channel.config) {
-        let path = directory.join(format!("{}_configuration.bin", flown.channel.name));
-        fs::write(&path, &block).map_err(|error| Error::io(&path, "write the configuration", &error))?;
-        files.push(path);
     }
-    if !formats.is_empty() {
-        for (name, figure) in figures::all(flown, summary, truth) {
-            files.extend(figure.write(directory, &name, formats)?);
-        }
-    }
-    Ok(files)
 }
 
 /// Writes a result as JSON, whole or not at all.

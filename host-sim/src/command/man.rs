@@ -38,10 +38,18 @@ pub(super) fn run(arguments: &Arguments, session: &Session, mut all: clap::Comma
             .render(&mut page)
             .map_err(|error| Failure::Other(error.into()))?;
         let path = arguments.out.join(format!("{name}.1"));
-        output::write(&path, &page)?;
+        output::write(&path, sections(&String::from_utf8_lossy(&page)).as_bytes())?;
         pages.push(path);
     }
     session.answer(&Answer { pages }, |it| {
         it.pages.iter().fold(String::new(), |text, path| text + &path.display().to_string() + "\n")
     })
+}
+
+/// The page with what follows the options of a help under the names that manual pages have for it, line by line.
+fn sections(page: &str) -> String {
+    page.replace(".SH EXTRA\nExamples:\n", ".SH EXAMPLES\n.nf\n")
+        .replace(".SH EXTRA\n", ".SH NOTES\n")
+        .replace("\nExit status:\n", "\n.SH EXIT STATUS\n.nf\n")
+        .replace("\nExamples:\n", "\n.SH EXAMPLES\n.nf\n")
 }

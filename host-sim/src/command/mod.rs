@@ -28,6 +28,7 @@ mod figures;
 mod fly;
 mod identify;
 mod man;
+mod memory;
 mod session;
 mod simulate;
 mod text;

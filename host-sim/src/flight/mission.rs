@@ -1,7 +1,11 @@
 //! Runs the flight module over a channel.
-use schuler_core::module::StepOutput;
+use std::cell::RefCell;
+use std::collections::VecDeque;
 
-use super::Channel;
+use schuler_core::module::StepOutput;
+use schuler_recording::{Error, Recording};
+
+use super::{Channel, Step};
 use crate::emulator::{Emulator, HostModule, Target, TargetError, Transport};
 use crate::output::Interrupted;
 
@@ -28,62 +32,103 @@ impl On {
     }
 }
 
-/// A channel that was flown.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Flown {
-    /// The channel.
-    pub channel: Channel,
-    /// What the module said, step by step.
-    pub outputs: Vec<StepOutput>,
-}
-
 /// Why a channel could not be flown.
 #[derive(Debug, thiserror::Error)]
 pub enum FlightError {
     /// The target refuses, or is out of reach.
     #[error(transparent)]
     Target(#[from] TargetError),
+    /// The recording cannot be read, or what comes of it not be written.
+    #[error(transparent)]
+    File(#[from] Error),
     /// The user has stopped the run.
     #[error(transparent)]
     Interrupted(#[from] Interrupted),
 }
 
-/// Flies a channel; `progress` hears the number of steps done and may stop the flight.
+/// Flies a channel's steps; `take` is given each with what the module said, and may stop the flight.
 ///
 /// # Errors
-/// A configuration that cannot be flown, a target that is out of reach, a stopped run.
-pub fn fly(
-    channel: Channel,
+/// A configuration that cannot be flown, a target that is out of reach, a step that cannot be read, an error of `take`.
+pub fn fly<E: Into<FlightError>>(
+    channel: &Channel,
+    steps: impl IntoIterator<Item = Result<Step, E>>,
     on: On,
-    mut progress: impl FnMut(usize) -> Result<(), Interrupted>,
-) -> Result<Flown, FlightError> {
-    let mut outputs = Vec::with_capacity(channel.inputs.len());
-    let mut take = |output: StepOutput| {
-        outputs.push(output);
-        progress(outputs.len())
-    };
+    mut take: impl FnMut(&Step, &StepOutput) -> Result<(), FlightError>,
+) -> Result<(), FlightError> {
     match on {
         On::Host => {
             let mut module = HostModule::new();
-            module.configure(&channel.config)?;
-            if let Some(block) = &channel.compensation {
-                module.load_compensation(block)?;
-            }
-            for input in &channel.inputs {
-                take(module.step(input)?)?;
+            prepare(&mut module, channel)?;
+            for step in steps {
+                let step = step.map_err(Into::into)?;
+                take(&step, &module.step(&step.input)?)?;
             }
         }
         On::Qemu | On::QemuUart => {
             let transport = if on == On::Qemu { Transport::Fifo } else { Transport::Uart };
             let mut emulator = Emulator::start(transport)?;
-            emulator.configure(&channel.config)?;
-            if let Some(block) = &channel.compensation {
-                emulator.load_compensation(block)?;
+            prepare(&mut emulator, channel)?;
+            // Several steps are on their way at any time.
+            let sent = RefCell::new(VecDeque::new());
+            let mut unreadable = None;
+            let inputs = steps.into_iter().map_while(|step| {
+                let step = step.map_err(|error| unreadable = Some(error.into())).ok()?;
+                sent.borrow_mut().push_back(step);
+                Some(step.input)
+            });
+            for output in emulator.run(inputs) {
+                let output = output?;
+                let step = sent.borrow_mut().pop_front();
+                if let Some(step) = step {
+                    take(&step, &output)?;
+                }
             }
-            for output in emulator.run(channel.inputs.iter().copied()) {
-                take(output?)?;
-            }
+            unreadable.map_or(Ok(()), Err)?;
         }
     }
-    Ok(Flown { channel, outputs })
+    Ok(())
+}
+
+fn prepare(target: &mut impl Target, channel: &Channel) -> Result<(), TargetError> {
+    target.configure(&channel.config)?;
+    channel.compensation.as_ref().map_or(Ok(()), |block| target.load_compensation(block))
+}
+
+/// A channel that was flown, with all its steps in memory.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Flown {
+    /// The channel.
+    pub channel: Channel,
+    /// What the module was told, step by step.
+    pub steps: Vec<Step>,
+    /// What the module said, step by step.
+    pub outputs: Vec<StepOutput>,
+}
+
+impl Flown {
+    /// Flies a channel over a recording; `progress` hears the number of steps done and may stop the flight.
+    ///
+    /// # Errors
+    /// As [`fly`].
+    pub fn of(
+        channel: Channel,
+        recording: &Recording,
+        on: On,
+        mut progress: impl FnMut(usize) -> Result<(), Interrupted>,
+    ) -> Result<Self, FlightError> {
+        let planned = |problem| Error::one(&recording.case.recording.path, problem);
+        let steps = channel.steps(recording).map_err(planned)?;
+        let mut outputs = Vec::with_capacity(steps.len());
+        fly(&channel, steps.iter().copied().map(Ok::<_, Error>), on, |_, output| {
+            outputs.push(*output);
+            Ok(progress(outputs.len())?)
+        })?;
+        Ok(Self { channel, steps, outputs })
+    }
+
+    /// Each step with what the module said.
+    pub fn iter(&self) -> impl Iterator<Item = (&Step, &StepOutput)> {
+        self.steps.iter().zip(&self.outputs)
+    }
 }

@@ -1,8 +1,9 @@
-//! Flies a recording: from a case to the flight module's inputs, through the module, to outputs, figures and a summary.
+//! Flies a recording: from a case to the flight module's inputs, through the module, to outputs, figures and a summary. All of
+//! it goes step by step, so that a recording may be longer than memory.
 //!
 //! | module | does |
 //! | --- | --- |
-//! | [`mod@plan`] | case and recording → one or more channels: configuration and inputs of the module |
+//! | [`mod@plan`] | case and recording → one or more channels: configuration and steps of the module |
 //! | [`sensors`] | which sensors stand at which inputs |
 //! | `velocities` | velocity errors, and radio against inertial velocities |
 //! | [`mission`] | runs a channel on this machine or on the emulated target |
@@ -20,6 +21,6 @@ pub mod truth;
 mod velocities;
 
 pub use mission::{Flown, On, fly};
-pub use plan::{Channel, plan};
-pub use summary::Summary;
-pub use truth::LoopTruth;
+pub use plan::{Channel, Step, plan, plan_stream};
+pub use summary::{Summary, Summing};
+pub use truth::{LoopStates, LoopTruth};

@@ -23,13 +23,12 @@ use std::collections::BTreeSet;
 use schuler_core::filter::{FilterConfig, MarkovNoise};
 use schuler_core::isolation::IsolationConfig;
 use schuler_core::module::{GYROS, ModuleConfig, StepInput};
-use schuler_core::reading::Reading;
 use schuler_link::block::BlockBytes;
 use schuler_recording::case::{Markov, SensorKind};
-use schuler_recording::recording::SensorSeries;
-use schuler_recording::{Problem, Recording};
+use schuler_recording::recording::{SensorSeries, Stream};
+use schuler_recording::{CaseFile, Error, Problem, Recording};
 
-use super::sensors::{Instruments, Place, reading};
+use super::sensors::{Instruments, Levels, Place, is_gyro, reading, single};
 use super::velocities::{DEFAULT_VELOCITY_NOISE, Velocity, velocities};
 use crate::physics::earth;
 
@@ -53,17 +52,13 @@ const LONGEST_CALIBRATION: usize = 3600;
 /// A measured constant above this many standard deviations is a fault.
 const OFFSET_LIMIT: f64 = 20.0;
 
-/// One run of the flight module.
+/// One run of the flight module over a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
     /// What it is: the id of the sensor, `north`, `east` or `gyros`.
     pub name: String,
     /// What the module is told before the flight.
     pub config: ModuleConfig,
-    /// Time of each step in the recording, s.
-    pub time_s: Vec<f64>,
-    /// What the module is told each step.
-    pub inputs: Vec<StepInput>,
     /// Whether there is a velocity.
     pub has_velocity: bool,
     /// Ids of the five gyros, if there are.
@@ -76,6 +71,63 @@ pub struct Channel {
     pub has_health: bool,
     /// What the module corrects by.
     pub compensation: Option<BlockBytes>,
+    /// Which of the recording's velocities it is.
+    velocity: usize,
+    instruments: Instruments,
+    /// Time of the recording's first row, s.
+    start_s: f64,
+}
+
+/// One step of a channel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step {
+    /// Its time in the recording, s.
+    pub time_s: f64,
+    /// What the module is told.
+    pub input: StepInput,
+}
+
+impl Channel {
+    /// The steps of a recording's rows, all of them or some.
+    ///
+    /// # Errors
+    /// As [`plan`], if the recording is another one than was planned.
+    pub fn steps(&self, recording: &Recording) -> Result<Vec<Step>, Problem> {
+        let velocity = velocities(recording)?.into_iter().nth(self.velocity);
+        let read = |values: &[f64], row: usize| single(reading(Some(values), row));
+        let step = |(row, &time_s): (usize, &f64)| {
+            let time_ms = ((time_s - self.start_s + recording.step_s) * 1000.0).round() as u64;
+            let mut input = StepInput::without_readings(time_ms);
+            if let Some(velocity) = &velocity {
+                input.velocity_error = read(&velocity.values, row);
+                if let Some(pair) = &velocity.pair {
+                    input.radio_velocity = read(&pair.radio, row);
+                    input.inertial_velocity = read(&pair.inertial, row);
+                }
+            }
+            self.instruments.read(recording, row, &mut input);
+            Step { time_s, input }
+        };
+        Ok(recording.time_s.iter().enumerate().map(step).collect())
+    }
+
+    /// The steps of a recording of any length.
+    ///
+    /// # Errors
+    /// A table that cannot be read any more, and so for each step.
+    pub fn stream<'s>(
+        &'s self,
+        recording: &'s Stream,
+    ) -> Result<impl Iterator<Item = Result<Step, Error>> + 's, Error> {
+        let path = &recording.file().path;
+        Ok(recording.chunks()?.flat_map(move |chunk| {
+            let steps = chunk.and_then(|it| self.steps(&it).map_err(|problem| Error::one(path, problem)));
+            match steps {
+                Ok(steps) => steps.into_iter().map(Ok).collect(),
+                Err(error) => vec![Err(error)],
+            }
+        }))
+    }
 }
 
 /// The channels of a recording.
@@ -83,11 +135,46 @@ pub struct Channel {
 /// # Errors
 /// What the case would have to give; the field is that of the case.
 pub fn plan(recording: &Recording) -> Result<Vec<Channel>, Problem> {
+    let mut levels = Vec::new();
+    Levels::add(&mut levels, recording);
+    let start_s = recording.time_s.first().copied().unwrap_or_default();
+    channels(recording, start_s, recording.len(), &levels)
+}
+
+/// The channels of a recording of any length, which is gone through for that; `watch` is told the number of rows so far.
+///
+/// # Errors
+/// As [`plan`]; what is wrong with the table; an error of `watch`.
+pub fn plan_stream<E: From<Error>>(
+    file: CaseFile,
+    mut watch: impl FnMut(usize) -> Result<(), E>,
+) -> Result<(Stream, Vec<Channel>), E> {
+    let (mut levels, mut rows) = (Vec::new(), 0);
+    let stream = Stream::open(file, |chunk| {
+        Levels::add(&mut levels, chunk);
+        rows += chunk.len();
+        watch(rows)
+    })?;
+    let planned =
+        channels(stream.head(), stream.start_s(), stream.rows(), &levels).map_err(|mut problem| {
+            problem.line = problem.line.or_else(|| stream.file().lines.get(&problem.field));
+            Error::one(&stream.file().path, problem)
+        })?;
+    Ok((stream, planned))
+}
+
+/// The channels of a recording of so many rows, given without them.
+fn channels(
+    recording: &Recording,
+    start_s: f64,
+    rows: usize,
+    levels: &[Levels],
+) -> Result<Vec<Channel>, Problem> {
     let gyros = block(recording);
-    let instruments = Instruments::of(recording, gyros.as_ref());
+    let instruments = Instruments::of(recording, gyros.as_ref(), levels);
     let velocities = velocities(recording)?;
     let has_velocity = !velocities.is_empty();
-    let thermometers = instruments.thermometer_columns();
+    let thermometers = instruments.thermometer_columns(recording);
     if !has_velocity && gyros.is_none() && thermometers.is_empty() {
         let kind = recording.case.motion.kind;
         let found = format!(
@@ -97,69 +184,48 @@ pub fn plan(recording: &Recording) -> Result<Vec<Channel>, Problem> {
             or an ins_velocity beside a doppler or gnss_velocity; or five gyros; or an aux of quantity temperature";
         return Err(Problem::new(None, "motion.kind", format!("{found}; {expected}")));
     }
-    let start_s = recording.time_s.first().copied().unwrap_or_default();
-    let time_ms: Vec<u64> =
-        recording.time_s.iter().map(|t| ((t - start_s + recording.step_s) * 1000.0).round() as u64).collect();
 
     let name = if gyros.is_some() { "gyros" } else { "thermometers" };
     let alone =
         Velocity { name: name.to_owned(), values: Vec::new(), noise: DEFAULT_VELOCITY_NOISE, pair: None };
     let runs = if has_velocity { velocities } else { vec![alone] };
     let channels = runs.into_iter().enumerate().map(|(index, velocity)| {
-        let gyros = gyros.as_ref().filter(|_| index == 0);
+        let gyros = gyros.filter(|_| index == 0).map(|five| five.map(|it| &recording.sensors[it]));
         let instruments = if index == 0 { instruments.clone() } else { Instruments::default() };
-        let inputs = (time_ms.iter().enumerate())
-            .map(|(row, &time_ms)| {
-                let mut input = StepInput::without_readings(time_ms);
-                let read = |values: &[f64]| {
-                    let reading = reading(Some(values), row);
-                    Reading { value: reading.value as f32, age_ms: reading.age_ms, quality: reading.quality }
-                };
-                input.velocity_error = read(&velocity.values);
-                if let Some(pair) = &velocity.pair {
-                    input.radio_velocity = read(&pair.radio);
-                    input.inertial_velocity = read(&pair.inertial);
-                }
-                instruments.read(row, &mut input);
-                input
-            })
-            .collect();
-        let mut config = config(recording, velocity.noise, gyros);
-        config.thermometers = instruments.thermometer_configs();
+        let mut config = config(recording, velocity.noise, gyros.as_ref(), rows);
+        config.thermometers = instruments.thermometer_configs(levels);
         config.health = velocity.pair.as_ref().map(|it| it.config(recording.step_s, config.max_age_ms));
         Channel {
             config,
             has_health: velocity.pair.is_some(),
             name: velocity.name,
-            time_s: recording.time_s.clone(),
-            inputs,
             has_velocity,
             gyros: gyros.map(|five| five.map(|series| series.sensor.id.clone())),
-            sensors: instruments.corrected(),
-            thermometers: instruments.thermometer_columns(),
+            sensors: instruments.corrected(recording),
+            thermometers: instruments.thermometer_columns(recording),
             compensation: None,
+            velocity: index,
+            instruments,
+            start_s,
         }
     });
     Ok(channels.collect())
 }
 
-/// The five gyros: all that there are, or those of the one group that has exactly five.
-fn block(recording: &Recording) -> Option<[&SensorSeries; GYROS]> {
-    use SensorKind::{Dtg, Fog, MemsGyro, Rlg};
-    let gyros: Vec<&SensorSeries> = recording
-        .sensors
-        .iter()
-        .filter(|series| matches!(series.sensor.kind, Dtg | Fog | Rlg | MemsGyro))
-        .filter(|series| series.sensor.axis.is_some())
+/// The five gyros, by their index: all that there are, or those of the one group that has exactly five.
+fn block(recording: &Recording) -> Option<[usize; GYROS]> {
+    let gyros: Vec<(usize, Option<&String>)> = (recording.sensors.iter().enumerate())
+        .filter(|(_, series)| is_gyro(series.sensor.kind) && series.sensor.axis.is_some())
+        .map(|(index, series)| (index, series.sensor.group.as_ref()))
         .collect();
-    let of_group = |group: Option<&String>| -> Vec<&SensorSeries> {
-        gyros.iter().copied().filter(|series| series.sensor.group.as_ref() == group).collect()
+    let of_group = |group: &String| -> Vec<usize> {
+        gyros.iter().filter(|(_, of)| *of == Some(group)).map(|(index, _)| *index).collect()
     };
-    let groups: BTreeSet<&String> = gyros.iter().filter_map(|series| series.sensor.group.as_ref()).collect();
-    let mut fives = groups.into_iter().filter_map(|group| of_group(Some(group)).try_into().ok());
+    let groups: BTreeSet<&String> = gyros.iter().filter_map(|(_, group)| *group).collect();
+    let mut fives = groups.into_iter().filter_map(|group| of_group(group).try_into().ok());
     match (fives.next(), fives.next()) {
         (Some(five), None) => Some(five),
-        _ => gyros.try_into().ok(),
+        _ => gyros.iter().map(|(index, _)| *index).collect::<Vec<_>>().try_into().ok(),
     }
 }
 
@@ -167,6 +233,7 @@ fn config(
     recording: &Recording,
     velocity_noise: f64,
     gyros: Option<&[&SensorSeries; GYROS]>,
+    rows: usize,
 ) -> ModuleConfig {
     let default = ModuleConfig::default();
     let nominal = recording.case.schuler_loop;
@@ -191,12 +258,12 @@ fn config(
         ..default
     };
     if let Some(five) = gyros {
-        config.isolation = isolation(recording, five);
+        config.isolation = isolation(five, rows);
     }
     config
 }
 
-fn isolation(recording: &Recording, five: &[&SensorSeries; GYROS]) -> IsolationConfig {
+fn isolation(five: &[&SensorSeries; GYROS], rows: usize) -> IsolationConfig {
     let sigma = five.map(|series| {
         let nominal = &series.sensor.nominal;
         let white = if nominal.white > 0.0 { nominal.white } else { DEFAULT_GYRO_NOISE };
@@ -211,7 +278,7 @@ fn isolation(recording: &Recording, five: &[&SensorSeries; GYROS]) -> IsolationC
         range: GYRO_RANGE,
         offset: five.map(|series| series.sensor.nominal.bias),
         calibration_samples: if five.iter().any(|series| series.sensor.relative) {
-            (recording.len() / 10).min(LONGEST_CALIBRATION) as u32
+            (rows / 10).min(LONGEST_CALIBRATION) as u32
         } else {
             0
         },
@@ -225,7 +292,6 @@ fn isolation(recording: &Recording, five: &[&SensorSeries; GYROS]) -> IsolationC
 #[cfg(test)]
 mod tests {
     use super::*;
-    use schuler_recording::CaseFile;
     use std::path::Path;
 
     fn recording(case: &str, table: &str) -> Recording {
@@ -268,13 +334,15 @@ attitude_rad = ["roll", "pitch", "yaw"]
         .concat();
         let table = "t,vn,ve,vd,roll,pitch,yaw,x,y,z\n0,0.5,2.5,0,0,0,1.5707963267948966,2,-0.25,0\n\
                      1,0.5,2.5,0,0,0,1.5707963267948966,,-0.25,0\n2,0.5,2.5,0,0,0,1.5707963267948966,2,-0.25,0\n";
-        let channels = plan(&recording(&case, table)).unwrap();
+        let recording = recording(&case, table);
+        let channels = plan(&recording).unwrap();
         assert_eq!(channels.iter().map(|c| c.name.as_str()).collect::<Vec<_>>(), ["north", "east"]);
-        let first: Vec<f32> = channels.iter().map(|c| c.inputs[0].velocity_error.value).collect();
+        let steps: Vec<Vec<Step>> = channels.iter().map(|c| c.steps(&recording).unwrap()).collect();
+        let first: Vec<f32> = steps.iter().map(|steps| steps[0].input.velocity_error.value).collect();
         assert!((first[0] - 0.25).abs() < 1e-6 && (first[1] - 0.5).abs() < 1e-6, "{first:?}");
         // A missing beam is a missing velocity.
-        assert_eq!(channels[0].inputs[1].velocity_error.quality, schuler_core::reading::Quality::Missing);
-        assert_eq!(channels[0].inputs.iter().map(|i| i.time_ms).collect::<Vec<_>>(), [1000, 2000, 3000]);
+        assert_eq!(steps[0][1].input.velocity_error.quality, schuler_core::reading::Quality::Missing);
+        assert_eq!(steps[0].iter().map(|s| s.input.time_ms).collect::<Vec<_>>(), [1000, 2000, 3000]);
         let filter = &channels[0].config.filter;
         assert!((filter.gravity - 9.7932).abs() < 1e-3 && (filter.velocity_noise - 0.02).abs() < 1e-6);
     }

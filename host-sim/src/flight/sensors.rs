@@ -1,4 +1,6 @@
 //! Which sensors of a case stand at which inputs of the flight module, beside the velocities.
+use std::collections::BTreeMap;
+
 use schuler_core::module::{ACCELEROMETERS, GYROS, StepInput, THERMOMETERS};
 use schuler_core::reading::Reading;
 use schuler_core::thermal::TemperatureRateConfig;
@@ -10,6 +12,10 @@ use schuler_recording::recording::{AuxiliarySeries, SensorSeries};
 const LEAST_QUANTUM: f64 = 1e-3;
 /// Greatest quantum that can be flown, degC.
 const GREATEST_QUANTUM: f64 = 10.0;
+/// Readings of a thermometer that are nearer to each other are one, degC.
+const DISTINCT: f64 = 1e-6;
+/// Readings that are told apart; as many within 65 degrees are no further apart than the least quantum.
+const MOST_LEVELS: usize = 1 << 17;
 /// A sensor stands at a body axis when it is nearer to it than to any other: cosine of 54.7 degrees.
 const NEAREST_AXIS: f64 = 0.578;
 
@@ -22,62 +28,62 @@ pub enum Place {
     Accelerometer(usize),
 }
 
-/// The inertial sensors and thermometers of a channel.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Instruments<'r> {
-    pub(super) gyros: [Option<&'r SensorSeries>; GYROS],
-    pub(super) accelerometers: [Option<&'r SensorSeries>; ACCELEROMETERS],
-    pub(super) thermometers: [Option<&'r AuxiliarySeries>; THERMOMETERS],
+/// The inertial sensors and thermometers of a channel, by their index in the recording.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Instruments {
+    gyros: [Option<usize>; GYROS],
+    accelerometers: [Option<usize>; ACCELEROMETERS],
+    thermometers: [Option<usize>; THERMOMETERS],
 }
 
-impl<'r> Instruments<'r> {
-    /// Those of a recording; `five` is its gyro block, if there is one.
-    pub(super) fn of(recording: &'r Recording, five: Option<&[&'r SensorSeries; GYROS]>) -> Self {
-        let is_gyro = |series: &&SensorSeries| {
-            use SensorKind::{Dtg, Fog, MemsGyro, Rlg};
-            matches!(series.sensor.kind, Dtg | Fog | Rlg | MemsGyro)
+impl Instruments {
+    /// Those of a recording; `five` is its gyro block, if there is one, and `levels` what each auxiliary quantity has shown.
+    pub(super) fn of(recording: &Recording, five: Option<&[usize; GYROS]>, levels: &[Levels]) -> Self {
+        let of_kind = |is: fn(SensorKind) -> bool| {
+            (recording.sensors.iter().enumerate()).filter(move |(_, series)| is(series.sensor.kind))
         };
-        let is_accelerometer = |series: &&SensorSeries| series.sensor.kind == SensorKind::Accelerometer;
         let mut gyros = [None; GYROS];
         if let Some(five) = five {
             gyros = five.map(Some);
         } else {
             let [x, y, z, ..] = &mut gyros;
-            at_body_axes(recording.sensors.iter().filter(is_gyro), [x, y, z]);
+            at_body_axes(of_kind(is_gyro), [x, y, z]);
         }
         let mut accelerometers = [None; ACCELEROMETERS];
-        at_body_axes(recording.sensors.iter().filter(is_accelerometer), accelerometers.each_mut());
+        at_body_axes(of_kind(|kind| kind == SensorKind::Accelerometer), accelerometers.each_mut());
 
         // Those at a sensor first.
-        let mut all: Vec<&AuxiliarySeries> = recording
-            .auxiliaries
-            .iter()
-            .filter(|it| it.auxiliary.quantity == Quantity::Temperature && it.auxiliary.unit == "degC")
-            .filter(|it| it.values.iter().any(|value| value.is_finite()))
+        let mut all: Vec<(usize, &AuxiliarySeries)> = (recording.auxiliaries.iter().enumerate())
+            .filter(|(_, it)| is_thermometer(it))
+            .filter(|(index, _)| levels.get(*index).is_some_and(|levels| !levels.seen.is_empty()))
             .collect();
-        all.sort_by_key(|it| it.auxiliary.near.is_none());
+        all.sort_by_key(|(_, it)| it.auxiliary.near.is_none());
         let mut thermometers = [None; THERMOMETERS];
-        for (place, series) in thermometers.iter_mut().zip(all) {
-            *place = Some(series);
+        for (place, (index, _)) in thermometers.iter_mut().zip(all) {
+            *place = Some(index);
         }
         Self { gyros, accelerometers, thermometers }
     }
 
     /// Puts the readings of a row into a step's input.
-    pub(super) fn read(&self, row: usize, input: &mut StepInput) {
-        input.gyros = self.gyros.map(|series| reading(series.map(|it| it.values.as_slice()), row));
-        input.accelerometers =
-            self.accelerometers.map(|series| reading(series.map(|it| it.values.as_slice()), row));
-        input.thermometers = self.thermometers.map(|series| {
-            let reading = reading(series.map(|it| it.values.as_slice()), row);
-            Reading { value: reading.value as f32, age_ms: reading.age_ms, quality: reading.quality }
+    pub(super) fn read(&self, recording: &Recording, row: usize, input: &mut StepInput) {
+        let sensor = |index: Option<usize>| {
+            let series = index.and_then(|index| recording.sensors.get(index));
+            reading(series.map(|it| it.values.as_slice()), row)
+        };
+        input.gyros = self.gyros.map(sensor);
+        input.accelerometers = self.accelerometers.map(sensor);
+        input.thermometers = self.thermometers.map(|index| {
+            let series = index.and_then(|index| recording.auxiliaries.get(index));
+            single(reading(series.map(|it| it.values.as_slice()), row))
         });
     }
 
     /// Ids of the inertial sensors with their inputs.
-    pub(super) fn corrected(&self) -> Vec<(String, Place)> {
-        let named = |series: Option<&SensorSeries>, place: Place| {
-            series.map(|series| (series.sensor.id.clone(), place))
+    pub(super) fn corrected(&self, recording: &Recording) -> Vec<(String, Place)> {
+        let named = |index: Option<usize>, place: Place| {
+            let series = recording.sensors.get(index?)?;
+            Some((series.sensor.id.clone(), place))
         };
         let gyros = self.gyros.iter().enumerate().filter_map(|(k, it)| named(*it, Place::Gyro(k)));
         let forces =
@@ -86,27 +92,43 @@ impl<'r> Instruments<'r> {
     }
 
     /// Columns of the thermometers.
-    pub(super) fn thermometer_columns(&self) -> Vec<String> {
-        self.thermometers.iter().flatten().map(|series| series.auxiliary.column.clone()).collect()
+    pub(super) fn thermometer_columns(&self, recording: &Recording) -> Vec<String> {
+        let column = |index: usize| Some(recording.auxiliaries.get(index)?.auxiliary.column.clone());
+        self.thermometers.iter().flatten().filter_map(|index| column(*index)).collect()
     }
 
     /// Configuration of the thermometers.
-    pub(super) fn thermometer_configs(&self) -> [Option<TemperatureRateConfig<f32>>; THERMOMETERS] {
-        self.thermometers
-            .map(|series| series.map(|it| TemperatureRateConfig::of_quantum(quantum(&it.values) as f32)))
+    pub(super) fn thermometer_configs(
+        &self,
+        levels: &[Levels],
+    ) -> [Option<TemperatureRateConfig<f32>>; THERMOMETERS] {
+        self.thermometers.map(|index| {
+            let levels = levels.get(index?)?;
+            Some(TemperatureRateConfig::of_quantum(levels.quantum() as f32))
+        })
     }
+}
+
+/// Whether sensors of a kind are gyros.
+pub(super) fn is_gyro(kind: SensorKind) -> bool {
+    matches!(kind, SensorKind::Dtg | SensorKind::Fog | SensorKind::Rlg | SensorKind::MemsGyro)
+}
+
+/// Whether an auxiliary quantity is the reading of a thermometer.
+fn is_thermometer(series: &AuxiliarySeries) -> bool {
+    series.auxiliary.quantity == Quantity::Temperature && series.auxiliary.unit == "degC"
 }
 
 /// Puts each sensor at the body axis that is nearest to its own; the first one there stays.
 fn at_body_axes<'r>(
-    sensors: impl Iterator<Item = &'r SensorSeries>,
-    places: [&mut Option<&'r SensorSeries>; 3],
+    sensors: impl Iterator<Item = (usize, &'r SensorSeries)>,
+    places: [&mut Option<usize>; 3],
 ) {
-    let sensors: Vec<&SensorSeries> = sensors.collect();
+    let sensors: Vec<(usize, &SensorSeries)> = sensors.collect();
     for (axis, place) in places.into_iter().enumerate() {
         let along =
             |series: &SensorSeries| series.sensor.axis.is_some_and(|of| of[axis].abs() > NEAREST_AXIS);
-        *place = sensors.iter().copied().find(|series| along(series));
+        *place = sensors.iter().find(|(_, series)| along(series)).map(|(index, _)| *index);
     }
 }
 
@@ -116,19 +138,58 @@ pub(super) fn reading(values: Option<&[f64]>, row: usize) -> Reading<f64> {
     value.map_or_else(Reading::missing, Reading::good)
 }
 
-/// Quantisation step of a thermometer, degC, of which cases do not speak: the median distance of neighbouring values.
-fn quantum(values: &[f64]) -> f64 {
-    let mut levels: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
-    levels.sort_unstable_by(f64::total_cmp);
-    let mut steps: Vec<f64> = levels.windows(2).map(|pair| pair[1] - pair[0]).filter(|d| *d > 1e-6).collect();
-    steps.sort_unstable_by(f64::total_cmp);
-    let median = steps.get(steps.len() / 2).copied().unwrap_or(LEAST_QUANTUM);
-    median.clamp(LEAST_QUANTUM, GREATEST_QUANTUM)
+/// The same in single precision.
+pub(super) fn single(reading: Reading<f64>) -> Reading<f32> {
+    Reading { value: reading.value as f32, age_ms: reading.age_ms, quality: reading.quality }
+}
+
+/// The distinct values that a thermometer has shown, to within 10⁻⁶ K.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Levels {
+    /// By the multiple of [`DISTINCT`] that they are.
+    seen: BTreeMap<i64, f64>,
+}
+
+impl Levels {
+    /// Adds those of a recording to what its auxiliary quantities have shown; one that is no thermometer has none.
+    pub(super) fn add(all: &mut Vec<Self>, recording: &Recording) {
+        all.resize_with(recording.auxiliaries.len(), Self::default);
+        for (levels, series) in
+            all.iter_mut().zip(&recording.auxiliaries).filter(|(_, it)| is_thermometer(it))
+        {
+            levels.see(&series.values);
+        }
+    }
+
+    fn see(&mut self, values: &[f64]) {
+        for &value in values.iter().filter(|value| value.is_finite()) {
+            if self.seen.len() == MOST_LEVELS {
+                break;
+            }
+            self.seen.entry((value / DISTINCT).floor() as i64).or_insert(value);
+        }
+    }
+
+    /// Quantisation step, degC, of which cases do not speak: the median distance of neighbouring values.
+    fn quantum(&self) -> f64 {
+        let next = self.seen.values().skip(1);
+        let mut steps: Vec<f64> =
+            self.seen.values().zip(next).map(|(low, high)| high - low).filter(|d| *d > DISTINCT).collect();
+        steps.sort_unstable_by(f64::total_cmp);
+        let median = steps.get(steps.len() / 2).copied().unwrap_or(LEAST_QUANTUM);
+        median.clamp(LEAST_QUANTUM, GREATEST_QUANTUM)
+    }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::quantum;
+    use super::*;
+
+    fn quantum(values: &[f64]) -> f64 {
+        let mut levels = Levels::default();
+        levels.see(values);
+        levels.quantum()
+    }
 
     #[test]
     fn a_quantum_is_found_with_missing_levels_and_rounded_print() {

@@ -1,18 +1,18 @@
 //! What a run says: of the filter's consistency, of the noise, of the gyros, and of the truth where it is known.
 use schuler_core::compensation::TermStatus;
-use schuler_core::health::{self, Estimate, HealthStatus, Suspect};
+use schuler_core::health::{self, Estimate, HealthOutput, HealthStatus, Suspect};
 use schuler_core::identification::{ChannelStatus, NoiseEstimate};
 use schuler_core::isolation::{IsolationFlags, Verdict};
-use schuler_core::module::{GYROS, Status, StepOutput};
+use schuler_core::module::{GYROS, HEALTH_LEVELS, Status, StepOutput};
 use schuler_core::reading::Quality;
-use schuler_core::thermal::{CompensationStatus, ThermalStatus};
+use schuler_core::thermal::{CompensationStatus, TemperatureRateOutput, ThermalStatus};
 use serde::Serialize;
 
-use super::Flown;
 use super::outputs::{STATES, corrected};
 use super::sensors::Place;
-use super::truth::LoopTruth;
-use crate::statistics::{LjungBox, MeanTest, ljung_box, nis_mean};
+use super::truth::LoopStates;
+use super::{Channel, Flown, Step};
+use crate::statistics::{LagProducts, LjungBox, MeanTest, nis_mean};
 
 /// Lags of the test of whiteness.
 const WHITENESS_LAGS: usize = 20;
@@ -264,37 +264,128 @@ pub struct TruthState {
 }
 
 impl Summary {
-    /// Sums a run up. The truth is compared from the second quarter on: the first is left to the transient.
-    pub fn of(flown: &Flown, truth: Option<&LoopTruth>) -> Self {
-        let whole = Self::between(flown, None, 0);
-        let compared = truth.filter(|_| flown.channel.has_velocity);
-        Self { truth: compared.map(|truth| against(flown, truth, flown.outputs.len() / 4)), ..whole }
+    /// Sums a run up. The truth, step by step, is compared from the second quarter on: the first is left to the transient.
+    pub fn of(flown: &Flown, truth: Option<&[LoopStates]>) -> Self {
+        let mut sums = Summing::new(&flown.channel, truth.map(|_| flown.outputs.len() / 4));
+        for (row, (step, output)) in flown.iter().enumerate() {
+            sums.add(step, output, truth.and_then(|truth| truth.get(row)));
+        }
+        sums.finish()
     }
 
-    /// Sums the filter's steps from one on up, and compares them with the truth.
-    pub fn between(flown: &Flown, truth: Option<&LoopTruth>, from: usize) -> Self {
-        let channel = &flown.channel;
-        let has_velocity = channel.has_velocity;
-        let outputs = flown.outputs.get(from..).unwrap_or_default();
+    /// Sums the steps from one on up, and compares them with the truth.
+    pub fn from(flown: &Flown, truth: Option<&[LoopStates]>, from: usize) -> Self {
+        let mut sums = Summing::new(&flown.channel, truth.map(|_| 0));
+        for (row, (step, output)) in flown.iter().enumerate().skip(from) {
+            sums.add(step, output, truth.and_then(|truth| truth.get(row)));
+        }
+        sums.finish()
+    }
+}
+
+/// Sums a run up while it goes on.
+#[derive(Clone, Debug)]
+pub struct Summing<'c> {
+    channel: &'c Channel,
+    /// The truth is compared from this step on.
+    compared_from: Option<usize>,
+    steps: usize,
+    last: StepOutput,
+    filter: FilterSums,
+    since_retuning: Option<FilterSums>,
+    retuned_at_s: Vec<f64>,
+    gyros: BlockSums,
+    thermometers: Vec<ThermometerSums>,
+    compensation: CompensationSums,
+    health: HealthSums,
+    truth_from_s: Option<f64>,
+    truth: [TruthSums; 4],
+}
+
+impl<'c> Summing<'c> {
+    /// Of a channel; the truth, if it is known, is compared from this step on.
+    pub fn new(channel: &'c Channel, compared_from: Option<usize>) -> Self {
         Self {
+            channel,
+            compared_from: compared_from.filter(|_| channel.has_velocity),
+            steps: 0,
+            last: StepOutput::default(),
+            filter: FilterSums::default(),
+            since_retuning: None,
+            retuned_at_s: Vec::new(),
+            gyros: BlockSums::default(),
+            thermometers: vec![ThermometerSums::default(); channel.thermometers.len()],
+            compensation: CompensationSums::of(channel),
+            health: HealthSums::default(),
+            truth_from_s: None,
+            truth: Default::default(),
+        }
+    }
+
+    /// Takes the next step, with the truth where it is known.
+    pub fn add(&mut self, step: &Step, output: &StepOutput, truth: Option<&LoopStates>) {
+        self.filter.add(output);
+        if let Some(since) = &mut self.since_retuning {
+            since.add(output);
+        }
+        if output.status.contains(Status::RETUNED) {
+            self.since_retuning = Some(FilterSums::default());
+            if self.retuned_at_s.len() < MOST_EVENTS {
+                self.retuned_at_s.push(step.time_s);
+            }
+        }
+        if let Some(ids) = &self.channel.gyros {
+            self.gyros.add(step.time_s, output, ids);
+        }
+        for (sums, it) in self.thermometers.iter_mut().zip(&output.thermometers) {
+            sums.add(step.time_s, it);
+        }
+        self.compensation.add(step, output);
+        self.health.add(step.time_s, &output.health);
+        if self.compared_from.is_some_and(|from| self.steps >= from) {
+            self.truth_from_s.get_or_insert(step.time_s);
+            for (k, sums) in self.truth.iter_mut().enumerate() {
+                let averaged = &output.identification.averaged;
+                if let Some(truth) = truth.map(|truth| truth[k]).filter(|truth| truth.is_finite()) {
+                    sums.add(f64::from(averaged.estimate[k]) - truth, f64::from(averaged.sigma[k]));
+                }
+            }
+        }
+        self.steps += 1;
+        self.last = *output;
+    }
+
+    /// What the run says.
+    pub fn finish(self) -> Summary {
+        let Self { channel, steps, last, .. } = self;
+        let has_velocity = channel.has_velocity;
+        let end = &last.identification;
+        let since_retuning = self.since_retuning.filter(|since| since.steps > 0);
+        Summary {
             channel: channel.name.clone(),
-            steps: outputs.len(),
+            steps,
             step_s: f64::from(channel.config.filter.step_s),
-            filter: has_velocity.then(|| filter(outputs)),
-            filter_since_retuning: outputs
-                .iter()
-                .rposition(|o| o.status.contains(Status::RETUNED))
-                .and_then(|last| outputs.get(last + 1..))
-                .filter(|since| has_velocity && !since.is_empty())
-                .map(filter),
-            identification: if has_velocity { identification(flown) } else { None },
-            gyros: channel.gyros.as_ref().map(|ids| block(flown, ids)),
-            thermometers: (channel.thermometers.iter().enumerate())
-                .map(|(index, column)| thermometer(flown, index, column))
+            filter: has_velocity.then(|| self.filter.finish(&last)),
+            filter_since_retuning: since_retuning.filter(|_| has_velocity).map(|it| it.finish(&last)),
+            identification: (has_velocity && steps > 0).then(|| IdentificationSummary {
+                accelerometer: noise(&end.accelerometer),
+                gyro: noise(&end.gyro),
+                retuned_at_s: self.retuned_at_s,
+            }),
+            gyros: channel.gyros.as_ref().map(|ids| self.gyros.finish(ids, &last, steps)),
+            thermometers: (self.thermometers.into_iter().zip(&channel.thermometers).enumerate())
+                .map(|(index, (sums, column))| {
+                    let config = channel.config.thermometers.get(index).copied().flatten();
+                    let quantum = config.map_or(f64::NAN, |it| f64::from(it.quantum));
+                    sums.finish(column, quantum, steps)
+                })
                 .collect(),
-            compensation: channel.compensation.as_deref().map(|bytes| compensation(flown, bytes)),
-            health: channel.has_health.then(|| health(flown)),
-            truth: truth.filter(|_| has_velocity).map(|truth| against(flown, truth, from)),
+            compensation: channel.compensation.as_deref().map(|bytes| self.compensation.finish(bytes, steps)),
+            health: channel.has_health.then(|| self.health.finish(&last, steps)),
+            truth: self.compared_from.map(|_| TruthSummary {
+                from_s: self.truth_from_s.unwrap_or_default(),
+                states: (STATES.iter().zip(&self.truth)).map(|(state, sums)| sums.finish(*state)).collect(),
+            }),
         }
     }
 }
@@ -311,55 +402,89 @@ pub fn was_used(output: &StepOutput) -> bool {
     !output.status.intersects(unused) && output.filter.innovation_variance > 0.0
 }
 
-fn filter(outputs: &[StepOutput]) -> FilterSummary {
-    let count = |flags: Status| outputs.iter().filter(|o| o.status.intersects(flags)).count();
-    let used: Vec<&StepOutput> = outputs.iter().filter(|o| was_used(o)).collect();
-    let n = used.len().max(1) as f64;
-    let variance: f64 = used.iter().map(|o| f64::from(o.filter.innovation_variance)).sum();
-    let nis: Vec<f64> = used.iter().map(|o| f64::from(o.filter.nis)).collect();
-    let normalised: Vec<f64> = outputs
-        .iter()
-        .map(|o| {
-            if was_used(o) {
-                f64::from(o.filter.innovation) / f64::from(o.filter.innovation_variance).sqrt()
-            } else {
-                f64::NAN
-            }
-        })
-        .collect();
-    let gated = count(Status::INNOVATION_GATED);
-    let end = outputs.last().map(|o| o.identification.averaged).unwrap_or_default();
-    FilterSummary {
-        used: used.len(),
-        missing: count(Status::VELOCITY_MISSING),
-        gated,
-        gated_share: gated as f64 / (used.len() + gated).max(1) as f64,
-        refused: count(Status::VELOCITY_SATURATED | Status::VELOCITY_STALE),
-        upsets: count(Status::COVARIANCE_RESET | Status::VELOCITY_REACQUIRED | Status::CLOCK_JUMPED),
-        innovation_mean: used.iter().map(|o| f64::from(o.filter.innovation)).sum::<f64>() / n,
-        innovation_mean_sigma: variance.sqrt() / n,
-        nis: nis_mean(&nis),
-        whiteness: ljung_box(&normalised, WHITENESS_LAGS),
-        end: STATES
-            .iter()
-            .enumerate()
-            .map(|(k, (state, unit))| StateSummary {
-                state,
-                unit,
-                estimate: f64::from(end.estimate[k]),
-                sigma: f64::from(end.sigma[k]),
-            })
-            .collect(),
+/// The normalised innovation of a step; NaN where the measurement was not used.
+pub fn normalised_innovation(output: &StepOutput) -> f64 {
+    if was_used(output) {
+        f64::from(output.filter.innovation) / f64::from(output.filter.innovation_variance).sqrt()
+    } else {
+        f64::NAN
     }
 }
 
-fn identification(flown: &Flown) -> Option<IdentificationSummary> {
-    let last = flown.outputs.last()?.identification;
-    Some(IdentificationSummary {
-        accelerometer: noise(&last.accelerometer),
-        gyro: noise(&last.gyro),
-        retuned_at_s: events(flown, |o| o.status.contains(Status::RETUNED)),
-    })
+#[derive(Clone, Debug)]
+struct FilterSums {
+    steps: usize,
+    used: usize,
+    missing: usize,
+    gated: usize,
+    refused: usize,
+    upsets: usize,
+    innovation: f64,
+    variance: f64,
+    nis: f64,
+    normalised: LagProducts,
+}
+
+impl Default for FilterSums {
+    fn default() -> Self {
+        Self {
+            steps: 0,
+            used: 0,
+            missing: 0,
+            gated: 0,
+            refused: 0,
+            upsets: 0,
+            innovation: 0.0,
+            variance: 0.0,
+            nis: 0.0,
+            normalised: LagProducts::new(WHITENESS_LAGS),
+        }
+    }
+}
+
+impl FilterSums {
+    fn add(&mut self, output: &StepOutput) {
+        let is = |flags: Status| usize::from(output.status.intersects(flags));
+        self.steps += 1;
+        self.missing += is(Status::VELOCITY_MISSING);
+        self.gated += is(Status::INNOVATION_GATED);
+        self.refused += is(Status::VELOCITY_SATURATED | Status::VELOCITY_STALE);
+        self.upsets += is(Status::COVARIANCE_RESET | Status::VELOCITY_REACQUIRED | Status::CLOCK_JUMPED);
+        if was_used(output) {
+            self.used += 1;
+            self.innovation += f64::from(output.filter.innovation);
+            self.variance += f64::from(output.filter.innovation_variance);
+            self.nis += f64::from(output.filter.nis);
+        }
+        self.normalised.add(normalised_innovation(output));
+    }
+
+    fn finish(&self, last: &StepOutput) -> FilterSummary {
+        let n = self.used.max(1) as f64;
+        let end = &last.identification.averaged;
+        FilterSummary {
+            used: self.used,
+            missing: self.missing,
+            gated: self.gated,
+            gated_share: self.gated as f64 / (self.used + self.gated).max(1) as f64,
+            refused: self.refused,
+            upsets: self.upsets,
+            innovation_mean: self.innovation / n,
+            innovation_mean_sigma: self.variance.sqrt() / n,
+            nis: nis_mean(self.nis, self.used),
+            whiteness: self.normalised.ljung_box(),
+            end: STATES
+                .iter()
+                .enumerate()
+                .map(|(k, (state, unit))| StateSummary {
+                    state,
+                    unit,
+                    estimate: f64::from(end.estimate[k]),
+                    sigma: f64::from(end.sigma[k]),
+                })
+                .collect(),
+        }
+    }
 }
 
 fn noise(estimate: &NoiseEstimate) -> NoiseSummary {
@@ -379,128 +504,171 @@ fn noise(estimate: &NoiseEstimate) -> NoiseSummary {
     }
 }
 
-/// Times of the steps for which something is so.
-fn events(flown: &Flown, is: impl Fn(&StepOutput) -> bool) -> Vec<f64> {
-    flown
-        .channel
-        .time_s
-        .iter()
-        .zip(&flown.outputs)
-        .filter(|(_, o)| is(o))
-        .map(|(t, _)| *t)
-        .take(MOST_EVENTS)
-        .collect()
+#[derive(Clone, Debug, Default)]
+struct BlockSums {
+    before: Verdict,
+    verdicts: Vec<VerdictChange>,
+    alarms: usize,
+    complete: usize,
 }
 
-fn block(flown: &Flown, ids: &[String; GYROS]) -> BlockSummary {
-    let outputs = &flown.outputs;
-    let mut verdicts = Vec::new();
-    let mut before = Verdict::NoFault;
-    for (time_s, output) in flown.channel.time_s.iter().zip(outputs) {
-        let verdict = output.isolation.verdict;
-        if verdict != before && verdicts.len() < MOST_EVENTS {
-            let (name, gyro) = match verdict {
+impl BlockSums {
+    fn add(&mut self, time_s: f64, output: &StepOutput, ids: &[String; GYROS]) {
+        let isolation = &output.isolation;
+        if isolation.verdict != self.before && self.verdicts.len() < MOST_EVENTS {
+            let (verdict, gyro) = match isolation.verdict {
                 Verdict::NoFault => ("no_fault", None),
                 Verdict::DetectedNotIsolated => ("detected", None),
                 Verdict::Fault(gyro) => ("fault", ids.get(usize::from(gyro)).cloned()),
                 Verdict::BlockUntrusted => ("untrusted", None),
             };
-            verdicts.push(VerdictChange { time_s: *time_s, verdict: name, gyro });
+            self.verdicts.push(VerdictChange { time_s, verdict, gyro });
         }
-        before = verdict;
+        self.before = isolation.verdict;
+        self.alarms += usize::from(isolation.flags.contains(IsolationFlags::ALARM_RAISED));
+        self.complete += usize::from(isolation.gyros_used.count_ones() == 5);
     }
-    let last = outputs.last().map(|o| o.isolation).unwrap_or_default();
-    let excluded = match last.verdict {
-        Verdict::Fault(gyro) => ids.get(usize::from(gyro)).cloned(),
-        _ => None,
-    };
-    let sized = excluded.is_some() && last.fault_sigma > 0.0;
-    BlockSummary {
-        gyros: ids.clone(),
-        verdicts,
-        alarms: outputs.iter().filter(|o| o.isolation.flags.contains(IsolationFlags::ALARM_RAISED)).count(),
-        complete_share: outputs.iter().filter(|o| o.isolation.gyros_used.count_ones() == 5).count() as f64
-            / outputs.len().max(1) as f64,
-        excluded,
-        fault_size: sized.then_some(last.fault_size),
-        fault_sigma: sized.then_some(last.fault_sigma),
+
+    fn finish(self, ids: &[String; GYROS], last: &StepOutput, steps: usize) -> BlockSummary {
+        let last = &last.isolation;
+        let excluded = match last.verdict {
+            Verdict::Fault(gyro) => ids.get(usize::from(gyro)).cloned(),
+            _ => None,
+        };
+        let sized = excluded.is_some() && last.fault_sigma > 0.0;
+        BlockSummary {
+            gyros: ids.clone(),
+            verdicts: self.verdicts,
+            alarms: self.alarms,
+            complete_share: self.complete as f64 / steps.max(1) as f64,
+            excluded,
+            fault_size: sized.then_some(last.fault_size),
+            fault_sigma: sized.then_some(last.fault_sigma),
+        }
     }
 }
 
-fn thermometer(flown: &Flown, index: usize, column: &str) -> ThermometerSummary {
-    let outputs: Vec<_> = flown.outputs.iter().filter_map(|o| o.thermometers.get(index)).collect();
-    let is = |flag: ThermalStatus| outputs.iter().filter(|o| o.status.contains(flag)).count();
-    let share = |count: usize| count as f64 / outputs.len().max(1) as f64;
-    let settled =
-        |status: ThermalStatus| !status.intersects(ThermalStatus::NO_READING | ThermalStatus::SETTLING);
-    let extremes = |values: &mut dyn Iterator<Item = f64>| {
-        values.fold(None, |ends: Option<[f64; 2]>, value| {
+#[derive(Clone, Copy, Debug, Default)]
+struct ThermometerSums {
+    rejected: usize,
+    dither: usize,
+    restarts: usize,
+    settled_s: Option<f64>,
+    temperature: Option<[f64; 2]>,
+    rate: Option<[f64; 2]>,
+}
+
+impl ThermometerSums {
+    fn add(&mut self, time_s: f64, output: &TemperatureRateOutput<f32>) {
+        let is = |flag: ThermalStatus| usize::from(output.status.contains(flag));
+        self.rejected += is(ThermalStatus::REJECTED);
+        self.dither += is(ThermalStatus::DITHER);
+        self.restarts += is(ThermalStatus::RESTARTED);
+        let widen = |ends: &mut Option<[f64; 2]>, value: f32| {
+            let value = f64::from(value);
             let [low, high] = ends.unwrap_or([value; 2]);
-            Some([low.min(value), high.max(value)])
-        })
-    };
-    let mut temperatures = outputs
-        .iter()
-        .filter(|o| !o.status.contains(ThermalStatus::NO_READING))
-        .map(|o| f64::from(o.temperature));
-    let mut rates = outputs.iter().filter(|o| settled(o.status)).map(|o| f64::from(o.rate));
-    let config = flown.channel.config.thermometers.get(index).copied().flatten();
-    ThermometerSummary {
-        column: column.to_owned(),
-        quantum: config.map_or(f64::NAN, |it| f64::from(it.quantum)),
-        used_share: 1.0 - share(is(ThermalStatus::REJECTED)),
-        dither_share: share(is(ThermalStatus::DITHER)),
-        restarts: is(ThermalStatus::RESTARTED),
-        settled_s: (flown.channel.time_s.iter().zip(&outputs))
-            .find(|(_, o)| settled(o.status))
-            .map(|(t, _)| *t),
-        temperature: extremes(&mut temperatures).unwrap_or([f64::NAN; 2]),
-        rate: extremes(&mut rates),
+            *ends = Some([low.min(value), high.max(value)]);
+        };
+        if !output.status.contains(ThermalStatus::NO_READING) {
+            widen(&mut self.temperature, output.temperature);
+            if !output.status.contains(ThermalStatus::SETTLING) {
+                widen(&mut self.rate, output.rate);
+                self.settled_s.get_or_insert(time_s);
+            }
+        }
+    }
+
+    fn finish(self, column: &str, quantum: f64, steps: usize) -> ThermometerSummary {
+        let share = |count: usize| count as f64 / steps.max(1) as f64;
+        ThermometerSummary {
+            column: column.to_owned(),
+            quantum,
+            used_share: 1.0 - share(self.rejected),
+            dither_share: share(self.dither),
+            restarts: self.restarts,
+            settled_s: self.settled_s,
+            temperature: self.temperature.unwrap_or([f64::NAN; 2]),
+            rate: self.rate,
+        }
     }
 }
 
-fn compensation(flown: &Flown, bytes: &[u8]) -> CompensationSummary {
-    let outputs = &flown.outputs;
-    let is = |terms: TermStatus, calibration: CompensationStatus| {
-        outputs
-            .iter()
-            .map(|o| &o.compensation)
-            .filter(|it| it.terms.intersects(terms) || it.calibration.intersects(calibration))
-            .count()
-    };
-    let rms = |of: &dyn Fn(&StepOutput) -> f32| {
-        let sum: f64 = outputs.iter().map(|o| f64::from(of(o)).powi(2)).sum();
-        (sum / outputs.len().max(1) as f64).sqrt()
-    };
-    let sensors = flown.channel.sensors.iter().map(|(id, place)| {
-        let taken: Vec<f64> = (flown.channel.inputs.iter().zip(outputs))
-            .filter_map(|(input, output)| {
-                let reading = match place {
-                    Place::Gyro(k) => input.gyros.get(*k)?,
-                    Place::Accelerometer(k) => input.accelerometers.get(*k)?,
-                };
-                (reading.quality == Quality::Good).then(|| reading.value - corrected(output, *place))
-            })
-            .collect();
-        let n = taken.len().max(1) as f64;
-        let mean = taken.iter().sum::<f64>() / n;
-        CorrectedSensor {
-            sensor: id.clone(),
-            unit: if matches!(place, Place::Gyro(_)) { "rad/s" } else { "m/s^2" },
-            mean,
-            deviation: (taken.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / n).sqrt(),
+#[derive(Clone, Debug, Default)]
+struct CompensationSums {
+    inputs_missing: usize,
+    out_of_range: usize,
+    limited: usize,
+    sensors: Vec<(String, Place, Moments)>,
+    velocity: f64,
+    loop_errors: [f64; 2],
+}
+
+/// Mean and spread of numbers as they come (Welford, Technometrics 4, 1962).
+#[derive(Clone, Copy, Debug, Default)]
+struct Moments {
+    count: f64,
+    mean: f64,
+    /// Sum of the squares about the mean.
+    squares: f64,
+}
+
+impl Moments {
+    fn add(&mut self, value: f64) {
+        self.count += 1.0;
+        let before = value - self.mean;
+        self.mean += before / self.count;
+        self.squares += before * (value - self.mean);
+    }
+}
+
+impl CompensationSums {
+    fn of(channel: &Channel) -> Self {
+        let sensors = channel.sensors.iter().map(|(id, place)| (id.clone(), *place, Moments::default()));
+        Self { sensors: sensors.collect(), ..Self::default() }
+    }
+
+    fn add(&mut self, step: &Step, output: &StepOutput) {
+        let it = &output.compensation;
+        let is = |terms: TermStatus, calibration: CompensationStatus| {
+            usize::from(it.terms.intersects(terms) || it.calibration.intersects(calibration))
+        };
+        let unknown = CompensationStatus::NO_TEMPERATURE | CompensationStatus::NO_RATE;
+        self.inputs_missing += is(TermStatus::INPUT_MISSING, unknown);
+        self.out_of_range += is(TermStatus::OUT_OF_RANGE, CompensationStatus::OUT_OF_RANGE);
+        self.limited += is(TermStatus::LIMITED, CompensationStatus::empty());
+        for (_, place, taken) in &mut self.sensors {
+            let reading = match place {
+                Place::Gyro(k) => step.input.gyros.get(*k),
+                Place::Accelerometer(k) => step.input.accelerometers.get(*k),
+            };
+            if let Some(reading) = reading.filter(|reading| reading.quality == Quality::Good) {
+                taken.add(reading.value - corrected(output, *place));
+            }
         }
-    });
-    let checksum = bytes.last_chunk().map_or(0, |last| u32::from_le_bytes(*last));
-    let unknown = CompensationStatus::NO_TEMPERATURE | CompensationStatus::NO_RATE;
-    CompensationSummary {
-        checksum: format!("{checksum:08x}"),
-        inputs_missing: is(TermStatus::INPUT_MISSING, unknown),
-        out_of_range: is(TermStatus::OUT_OF_RANGE, CompensationStatus::OUT_OF_RANGE),
-        limited: is(TermStatus::LIMITED, CompensationStatus::empty()),
-        sensors: sensors.collect(),
-        velocity: rms(&|o| o.compensation.velocity),
-        loop_errors: [rms(&|o| o.compensation.loop_errors[0]), rms(&|o| o.compensation.loop_errors[1])],
+        self.velocity += f64::from(it.velocity).powi(2);
+        for (sum, error) in self.loop_errors.iter_mut().zip(it.loop_errors) {
+            *sum += f64::from(error).powi(2);
+        }
+    }
+
+    fn finish(self, bytes: &[u8], steps: usize) -> CompensationSummary {
+        let rms = |sum: f64| (sum / steps.max(1) as f64).sqrt();
+        let sensors = self.sensors.into_iter().map(|(sensor, place, taken)| CorrectedSensor {
+            sensor,
+            unit: if matches!(place, Place::Gyro(_)) { "rad/s" } else { "m/s^2" },
+            mean: taken.mean,
+            deviation: (taken.squares / taken.count.max(1.0)).sqrt(),
+        });
+        let checksum = bytes.last_chunk().map_or(0, |last| u32::from_le_bytes(*last));
+        CompensationSummary {
+            checksum: format!("{checksum:08x}"),
+            inputs_missing: self.inputs_missing,
+            out_of_range: self.out_of_range,
+            limited: self.limited,
+            sensors: sensors.collect(),
+            velocity: rms(self.velocity),
+            loop_errors: self.loop_errors.map(rms),
+        }
     }
 }
 
@@ -518,14 +686,20 @@ pub fn health_name(verdict: health::Verdict) -> &'static str {
     }
 }
 
-fn health(flown: &Flown) -> HealthSummary {
-    let outputs: Vec<_> = flown.outputs.iter().map(|o| &o.health).collect();
-    let is = |flag: HealthStatus| outputs.iter().filter(|o| o.status.contains(flag)).count();
-    let unusable = HealthStatus::RADIO_UNUSABLE | HealthStatus::INERTIAL_UNUSABLE;
-    let mut verdicts: Vec<HealthChange> = Vec::new();
-    let mut shares: Vec<(&'static str, f64)> = Vec::new();
-    let mut before = None;
-    for (time_s, output) in flown.channel.time_s.iter().zip(&outputs) {
+#[derive(Clone, Debug, Default)]
+struct HealthSums {
+    before: Option<(&'static str, &'static str)>,
+    verdicts: Vec<HealthChange>,
+    /// Steps with each verdict, in the order in which they came.
+    steps: Vec<(&'static str, usize)>,
+    residuals: usize,
+    out_of_model: usize,
+    restarts: usize,
+}
+
+impl HealthSums {
+    fn add(&mut self, time_s: f64, output: &HealthOutput<f32, HEALTH_LEVELS>) {
+        let is = |flag: HealthStatus| usize::from(output.status.contains(flag));
         let verdict = health_name(output.verdict);
         let suspect = match output.suspect {
             Suspect::Neither => "neither",
@@ -533,53 +707,58 @@ fn health(flown: &Flown) -> HealthSummary {
             Suspect::Inertial => "inertial",
             Suspect::Either => "either",
         };
-        if before != Some((verdict, suspect)) && verdicts.len() < MOST_EVENTS {
-            verdicts.push(HealthChange { time_s: *time_s, verdict, suspect });
+        if self.before != Some((verdict, suspect)) && self.verdicts.len() < MOST_EVENTS {
+            self.verdicts.push(HealthChange { time_s, verdict, suspect });
         }
-        before = Some((verdict, suspect));
-        let share = 1.0 / outputs.len() as f64;
-        match shares.iter_mut().find(|(name, _)| *name == verdict) {
-            Some((_, sum)) => *sum += share,
-            None => shares.push((verdict, share)),
+        self.before = Some((verdict, suspect));
+        match self.steps.iter_mut().find(|(name, _)| *name == verdict) {
+            Some((_, steps)) => *steps += 1,
+            None => self.steps.push((verdict, 1)),
         }
+        let unusable = HealthStatus::RADIO_UNUSABLE | HealthStatus::INERTIAL_UNUSABLE;
+        self.residuals += usize::from(!output.status.intersects(unusable));
+        self.out_of_model += is(HealthStatus::OUT_OF_MODEL);
+        self.restarts += is(HealthStatus::RESTARTED);
     }
-    let last = outputs.last().map(|o| **o).unwrap_or_default();
-    let estimate = |it: Estimate<f32>| [f64::from(it.value), f64::from(it.sigma)];
-    HealthSummary {
-        verdicts,
-        shares,
-        residuals: outputs.iter().filter(|o| !o.status.intersects(unusable)).count(),
-        out_of_model: is(HealthStatus::OUT_OF_MODEL),
-        restarts: is(HealthStatus::RESTARTED),
-        radio_error: estimate(last.radio_error),
-        inertial_error: estimate(last.inertial_error),
+
+    fn finish(self, last: &StepOutput, steps: usize) -> HealthSummary {
+        let estimate = |it: Estimate<f32>| [f64::from(it.value), f64::from(it.sigma)];
+        HealthSummary {
+            verdicts: self.verdicts,
+            shares: self.steps.into_iter().map(|(name, of)| (name, of as f64 / steps as f64)).collect(),
+            residuals: self.residuals,
+            out_of_model: self.out_of_model,
+            restarts: self.restarts,
+            radio_error: estimate(last.health.radio_error),
+            inertial_error: estimate(last.health.inertial_error),
+        }
     }
 }
 
-fn against(flown: &Flown, truth: &LoopTruth, from: usize) -> TruthSummary {
-    let outputs = &flown.outputs;
-    let states = STATES.iter().zip(&truth.states).enumerate().map(|(k, ((state, unit), truth))| {
-        let errors: Vec<(f64, f64)> = outputs
-            .iter()
-            .zip(truth)
-            .skip(from)
-            .filter(|(_, truth)| truth.is_finite())
-            .map(|(o, truth)| {
-                let averaged = &o.identification.averaged;
-                (f64::from(averaged.estimate[k]) - truth, f64::from(averaged.sigma[k]))
-            })
-            .collect();
-        let n = errors.len().max(1) as f64;
+#[derive(Clone, Copy, Debug, Default)]
+struct TruthSums {
+    count: usize,
+    squares: f64,
+    beyond: usize,
+    nees: f64,
+}
+
+impl TruthSums {
+    fn add(&mut self, error: f64, sigma: f64) {
+        self.count += 1;
+        self.squares += error * error;
+        self.beyond += usize::from(error.abs() > 3.0 * sigma);
+        self.nees += (error / sigma).powi(2);
+    }
+
+    fn finish(&self, (state, unit): (&'static str, &'static str)) -> TruthState {
+        let n = self.count.max(1) as f64;
         TruthState {
             state,
             unit,
-            rmse: (errors.iter().map(|(e, _)| e * e).sum::<f64>() / n).sqrt(),
-            beyond_three_sigma: errors.iter().filter(|(e, s)| e.abs() > 3.0 * s).count() as f64 / n,
-            nees: errors.iter().map(|(e, s)| (e / s).powi(2)).sum::<f64>() / n,
+            rmse: (self.squares / n).sqrt(),
+            beyond_three_sigma: self.beyond as f64 / n,
+            nees: self.nees / n,
         }
-    });
-    TruthSummary {
-        from_s: flown.channel.time_s.get(from).copied().unwrap_or_default(),
-        states: states.collect(),
     }
 }

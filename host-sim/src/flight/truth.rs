@@ -1,53 +1,64 @@
 //! What really happened, where a simulation has left it beside the case.
 use std::path::Path;
 
-use schuler_recording::{Error, table};
+use schuler_recording::Error;
+use schuler_recording::table::{self, Chunks, Columns};
 
 use crate::simulation::TRUTH;
 
-/// The truth of a Schuler loop at the recording's steps.
-#[derive(Clone, Debug, PartialEq)]
+/// Times that differ by less are one, s.
+const SAME_TIME_S: f64 = 1e-6;
+
+/// The states of a Schuler loop: ΔV (m/s), δ (rad), a (m/s²), ω (rad/s).
+pub type LoopStates = [f64; 4];
+
+/// The truth of a Schuler loop, read in the order of its times.
 pub struct LoopTruth {
-    /// ΔV (m/s), δ (rad), a (m/s²), ω (rad/s); NaN where the truth has no row.
-    pub states: [Vec<f64>; 4],
+    rest: Chunks,
+    /// Time and states that were read last, and the row that is next.
+    rows: Columns,
+    next: usize,
 }
 
 impl LoopTruth {
-    /// Reads the truth of the loop whose recorded velocity error is called `id`, for these times; none where there is no
-    /// such file or no such loop.
+    /// The truth of the loop whose recorded velocity error is called `id`; none where there is no such file or no such loop.
     ///
     /// # Errors
     /// A truth that cannot be read.
-    pub fn beside(case: &Path, id: &str, time_s: &[f64]) -> Result<Option<Self>, Error> {
+    pub fn beside(case: &Path, id: &str) -> Result<Option<Self>, Error> {
         let path = case.parent().unwrap_or(Path::new("")).join(TRUTH);
         if !path.exists() {
             return Ok(None);
         }
         let table = table::open(&path)?;
-        let mut names = vec!["t".to_owned()];
         let states = ["velocity_error", "tilt", "accelerometer_error", "gyro_drift"];
-        names.extend(states.iter().map(|state| format!("{id}.{state}")));
-        let wanted: Result<Vec<usize>, String> =
-            names.iter().map(|name| table::column_index(table.names(), name)).collect();
-        let Ok(wanted) = wanted else { return Ok(None) };
-        let mut columns = table.read(&wanted)?.values.into_iter();
-        let Some(times) = columns.next() else { return Ok(None) };
-        let mut at = 0;
-        let rows: Vec<Option<usize>> = time_s
-            .iter()
-            .map(|t| {
-                while times.get(at).is_some_and(|truth| *truth < t - 1e-6) {
-                    at += 1;
-                }
-                times.get(at).filter(|truth| (**truth - t).abs() <= 1e-6).map(|_| at)
-            })
+        let names = states.map(|state| format!("{id}.{state}"));
+        let wanted: Result<Vec<usize>, String> = std::iter::once("t")
+            .chain(names.iter().map(String::as_str))
+            .map(|name| table.index(name))
             .collect();
-        let mut state = || {
-            let values = columns.next().unwrap_or_default();
-            rows.iter()
-                .map(|row| row.and_then(|row| values.get(row).copied()).unwrap_or(f64::NAN))
-                .collect::<Vec<f64>>()
-        };
-        Ok(Some(Self { states: [state(), state(), state(), state()] }))
+        let Ok(wanted) = wanted else { return Ok(None) };
+        Ok(Some(Self { rest: table.chunks(&wanted)?, rows: Columns::default(), next: 0 }))
+    }
+
+    /// The states at a time that is not before the one asked for last; NaN where the truth has no row.
+    ///
+    /// # Errors
+    /// A truth that cannot be read.
+    pub fn at(&mut self, time_s: f64) -> Result<LoopStates, Error> {
+        loop {
+            let times = self.rows.values.first().map_or(&[][..], Vec::as_slice);
+            let ahead = times.get(self.next..).unwrap_or_default();
+            self.next += ahead.partition_point(|truth_s| *truth_s < time_s - SAME_TIME_S);
+            if let Some(truth_s) = times.get(self.next) {
+                let row = (truth_s - time_s <= SAME_TIME_S).then_some(self.next);
+                let state = |k: usize| self.rows.values.get(k + 1)?.get(row?).copied();
+                return Ok(std::array::from_fn(|k| state(k).unwrap_or(f64::NAN)));
+            }
+            match self.rest.next() {
+                Some(rows) => (self.rows, self.next) = (rows?, 0),
+                None => return Ok([f64::NAN; 4]),
+            }
+        }
     }
 }

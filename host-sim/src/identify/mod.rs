@@ -29,6 +29,9 @@ pub mod structure;
 pub mod summary;
 pub mod trend;
 
+use std::convert::Infallible;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use rayon::prelude::*;
 use schuler_recording::Recording;
 use schuler_recording::recording::SensorSeries;
@@ -56,19 +59,33 @@ impl Default for Options {
     }
 }
 
-/// The noise of every sensor of `recording`, sensors in parallel. `done` is called with the id of each sensor as it is
-/// finished, for a progress bar.
-pub fn identify(recording: &Recording, options: Options, done: impl Fn(&str) + Sync) -> Identification {
+/// The noise of every sensor of `recording`, sensors in parallel.
+pub fn identify(recording: &Recording, options: Options) -> Identification {
+    let Ok(found) = identify_watched(recording, options, |_| Ok::<_, Infallible>(()));
+    found
+}
+
+/// As [`identify`]; `watch` is told now and then how many sensors are finished, and may stop it.
+///
+/// # Errors
+/// What `watch` returns.
+pub fn identify_watched<E: Send>(
+    recording: &Recording,
+    options: Options,
+    watch: impl Fn(usize) -> Result<(), E> + Sync,
+) -> Result<Identification, E> {
+    let finished = AtomicUsize::new(0);
     let sensors = recording
         .sensors
         .par_iter()
         .map(|sensor| {
-            let found = identify_sensor(recording, sensor, options);
-            done(&sensor.sensor.id);
-            found
+            let stopped = || watch(finished.load(Ordering::Relaxed)).is_err();
+            let found = identify_sensor(recording, sensor, options, &stopped);
+            watch(finished.fetch_add(1, Ordering::Relaxed) + 1)?;
+            Ok(found)
         })
-        .collect();
-    Identification {
+        .collect::<Result<_, E>>()?;
+    Ok(Identification {
         format: report::FORMAT,
         title: recording.case.title.clone(),
         time_column: recording.case.recording.time.clone(),
@@ -77,17 +94,23 @@ pub fn identify(recording: &Recording, options: Options, done: impl Fn(&str) + S
         rows_in_gaps: recording.gaps.iter().map(|gap| gap.missing).sum(),
         sensors,
         warnings: recording.warnings.clone(),
-    }
+    })
 }
 
-fn identify_sensor(recording: &Recording, sensor: &SensorSeries, options: Options) -> SensorIdentification {
+/// The noise of a sensor; of no use once `stopped` says so.
+fn identify_sensor(
+    recording: &Recording,
+    sensor: &SensorSeries,
+    options: Options,
+    stopped: &dyn Fn() -> bool,
+) -> SensorIdentification {
     let series = error_series(recording, sensor);
     let (values, step_s) = (series.values.as_slice(), series.step_s);
     let present = values.iter().filter(|value| value.is_finite()).count();
     let elapsed_s: Vec<f64> = recording.elapsed_s().collect();
     let allan = overlapping_allan(values, step_s);
     let laws = fit_power_laws(&allan, values.len(), step_s);
-    let structure = noise_structure(values, step_s);
+    let structure = noise_structure(values, step_s, stopped);
     SensorIdentification {
         id: sensor.sensor.id.clone(),
         column: sensor.sensor.column.clone(),
@@ -189,7 +212,7 @@ mod tests {
         let step = recording((0..500).map(|row| (f64::from(row), (row / 250).to_string())));
         let mostly_gaps = recording((0..60).map(|row| (f64::from(row * row), (row % 7).to_string())));
         for recording in [constant, missing, short, one_value, two_levels, step, mostly_gaps] {
-            let found = identify(&recording, Options::default(), |_| ());
+            let found = identify(&recording, Options::default());
             assert_eq!(found.sensors.len(), 1);
             assert!(serde_json::to_string(&found).is_ok());
             assert!(!found.to_string().is_empty());

@@ -55,14 +55,15 @@ impl NoiseStructure {
     }
 }
 
-/// The structure of the noise in `values` (NaN = missing); without models where there are too few of them.
-pub fn noise_structure(values: &[f64], step_s: f64) -> NoiseStructure {
+/// The structure of the noise in `values` (NaN = missing); without models where there are too few of them. Once `stopped` says so,
+/// no further model is tried.
+pub fn noise_structure(values: &[f64], step_s: f64, stopped: &dyn Fn() -> bool) -> NoiseStructure {
     let factor = values.len().div_ceil(MOST_VALUES).max(1);
     let spacing_s = factor as f64 * step_s;
     let blocks = block_means(values, factor);
     let about = |removed| {
         let published = published_fit(values, step_s, removed);
-        let models = select(&blocks, spacing_s, removed, published.as_ref());
+        let models = select(&blocks, spacing_s, removed, published.as_ref(), stopped);
         (published, models)
     };
     let (mut published, mut models) = about(Removed::Mean);
@@ -75,7 +76,13 @@ pub fn noise_structure(values: &[f64], step_s: f64) -> NoiseStructure {
 }
 
 /// The models on the way of the selection, best first.
-fn select(values: &[f64], spacing_s: f64, removed: Removed, published: Option<&PublishedFit>) -> Vec<Fit> {
+fn select(
+    values: &[f64],
+    spacing_s: f64,
+    removed: Removed,
+    published: Option<&PublishedFit>,
+    stopped: &dyn Fn() -> bool,
+) -> Vec<Fit> {
     let read_out = published.and_then(|published| parameters_of(published, spacing_s));
     let mut best = fit(values, Parts::default(), removed, &[]);
     let mut models: Vec<Fit> = best.iter().cloned().collect();
@@ -86,7 +93,7 @@ fn select(values: &[f64], spacing_s: f64, removed: Removed, published: Option<&P
             (found.parts.with_walk(), scan_walk(&found)),
         ];
         for (parts, mut starts) in further {
-            let Some(parts) = parts else { continue };
+            let Some(parts) = parts.filter(|_| !stopped()) else { continue };
             starts = best_starts(values, parts, removed, &starts, 1);
             // The read-out is of one correlated part: a start for the first one.
             starts.extend(read_out.filter(|start| starts_alone(parts, start)));
@@ -241,7 +248,7 @@ mod tests {
     }
 
     fn chosen(seeds: std::ops::Range<u64>, series: impl Fn(u64) -> Vec<f64> + Sync) -> Vec<Fit> {
-        let chosen = |seed| noise_structure(&series(seed), 1.0).models.into_iter().next().unwrap();
+        let chosen = |seed| noise_structure(&series(seed), 1.0, &|| false).models.into_iter().next().unwrap();
         seeds.into_par_iter().map(chosen).collect()
     }
 
@@ -340,13 +347,13 @@ mod tests {
     fn gaps_do_not_change_what_is_found() {
         let part = Correlated { sigma: 1.0, alpha: 1.0 / 60.0 };
         let mut series = simulate(0.5, part, 0.0, 0.0, 6000, 3);
-        let whole = noise_structure(&series, 1.0);
+        let whole = noise_structure(&series, 1.0, &|| false);
         for (row, value) in series.iter_mut().enumerate() {
             if (2000..2400).contains(&row) || row % 17 == 0 {
                 *value = f64::NAN;
             }
         }
-        let gappy = noise_structure(&series, 1.0);
+        let gappy = noise_structure(&series, 1.0, &|| false);
         let (whole, gappy) = (whole.chosen().unwrap(), gappy.chosen().unwrap());
         assert_eq!(whole.parts, gappy.parts);
         let (whole, gappy) = (whole.parameters.markov[0], gappy.parameters.markov[0]);
@@ -358,7 +365,7 @@ mod tests {
     #[test]
     fn long_series_are_averaged_and_keep_their_parameters() {
         let part = Correlated { sigma: 0.5, alpha: 1.0 / 2000.0 };
-        let found = noise_structure(&simulate(1.0, part, 0.0, 0.0, 100_000, 5), 1.0);
+        let found = noise_structure(&simulate(1.0, part, 0.0, 0.0, 100_000, 5), 1.0, &|| false);
         assert_eq!((found.factor, found.spacing_s), (5, 5.0));
         let fit = found.chosen().unwrap();
         // White noise falls by √5; the slow part stays.
@@ -368,9 +375,22 @@ mod tests {
     }
 
     #[test]
+    fn nothing_more_is_tried_once_it_is_stopped() {
+        let series = simulate(1.0, Correlated { sigma: 3.0, alpha: 1.0 / 60.0 }, 0.0, 0.0, 3000, 7);
+        let asked = std::cell::Cell::new(0);
+        let stopped = || {
+            asked.set(asked.get() + 1);
+            true
+        };
+        let found = noise_structure(&series, 1.0, &stopped);
+        assert!(asked.get() > 0);
+        assert!(found.models.iter().all(|fit| fit.parts == Parts::default()), "{:?}", found.models);
+    }
+
+    #[test]
     fn hopeless_series_have_no_models() {
         for series in [vec![], vec![f64::NAN; 50], vec![1.0; 50], vec![0.0, 1.0, 0.5]] {
-            let found = noise_structure(&series, 1.0);
+            let found = noise_structure(&series, 1.0, &|| false);
             assert!(found.models.is_empty() && found.published.is_none(), "{found:?}");
         }
     }

@@ -52,6 +52,8 @@ pub struct GyroDesign {
     pub reaction_torque_temperature: [f64; 2],
     /// Its change with the magnet's temperature above the housing's, N m/K.
     pub reaction_torque_rise: [f64; 2],
+    /// Its change with the temperature gradient across the housing, in which the gas around the rotor flows, N m/(K/m).
+    pub reaction_torque_gradient: [f64; 2],
     /// Magnetic moment along the spin axis, A m².
     pub magnetic_moment: f64,
     /// Null of the pick-offs, x and y, rad.
@@ -324,6 +326,7 @@ impl Gyro {
                 + d.reaction_torque[k]
                 + d.reaction_torque_temperature[k] * magnet_deviation
                 + d.reaction_torque_rise[k] * self.magnet_rise.value()
+                + d.reaction_torque_gradient[k] * around.gradient
         };
         Complex::new(axis(0), axis(1))
     }
@@ -402,6 +405,7 @@ impl GyroDesign {
             reaction_torque: [0.0; 2],
             reaction_torque_temperature: [0.0; 2],
             reaction_torque_rise: [0.0; 2],
+            reaction_torque_gradient: [0.0; 2],
             magnetic_moment: 0.0,
             pickoff_offset: [0.0; 2],
             pickoff_offset_temperature: [0.0; 2],
@@ -572,6 +576,23 @@ mod tests {
             }
         }
         assert!((last / (0.5 * (1.0 + 4e-4 * 2.5)) - 1.0).abs() < 2e-5, "{last}");
+    }
+
+    #[test]
+    fn a_gradient_across_the_housing_pulls_at_the_rotor() {
+        let mut design = GyroDesign::ideal(100.0);
+        design.reaction_torque_gradient = [0.0, 1e-9];
+        let h = design.calibration.norm();
+        let mut gyro = Gyro::new(design, 1, "gyro").unwrap();
+        let mut drift = |gradient: f64| {
+            let around = Surroundings { gradient, ..Surroundings::default() };
+            let rest = [Vector3::zeros(); 2];
+            (0..10).map(|_| gyro.step(&rest, &rest, &around, 1.0).rate[0]).last().unwrap()
+        };
+        assert!(drift(0.0).abs() < 1e-15);
+        let expected = 1e-9 * 5.0 / h;
+        let found = drift(5.0);
+        assert!((found / expected - 1.0).abs() < 1e-3, "{found} {expected}");
     }
 
     #[test]

@@ -71,8 +71,11 @@ pub struct ReadoutDesign {
     pub threshold: f64,
     /// White noise, output unit per √Hz.
     pub white: f64,
-    /// Random drift.
+    /// Random drift of the instrument's output, of which a reading holds the mean over its step.
     pub drift: Vec<Process>,
+    /// Random drift of the electronics, of which a reading holds the value at its instant: sampled so, R(τ) of the readings is that
+    /// of the process.
+    pub electronics_drift: Vec<Process>,
     /// Converter.
     pub conversion: Conversion,
     /// Largest magnitude that can be told; infinite for no limit.
@@ -84,6 +87,7 @@ pub struct ReadoutDesign {
 pub struct Readout {
     design: ReadoutDesign,
     drift: Drift,
+    electronics_drift: Drift,
     white: Stream,
     /// Pulses' remainder: integral of the output not yet counted.
     remainder: f64,
@@ -92,11 +96,13 @@ pub struct Readout {
 impl Readout {
     /// The output called `name` of the run with this seed.
     pub fn new(design: ReadoutDesign, seed: u64, name: &str) -> Self {
-        let drift = Drift::new(&design.drift, Stream::new(seed, &format!("{name}/drift")));
-        Self { design, drift, white: Stream::new(seed, &format!("{name}/white")), remainder: 0.0 }
+        let stream = |what: &str| Stream::new(seed, &format!("{name}/{what}"));
+        let drift = Drift::new(&design.drift, stream("drift"));
+        let electronics_drift = Drift::new(&design.electronics_drift, stream("electronics_drift"));
+        Self { design, drift, electronics_drift, white: stream("white"), remainder: 0.0 }
     }
 
-    /// The random drift's mean over the next step; moves it on.
+    /// Mean of the instrument's random drift over the next step; moves it on.
     pub fn drift(&mut self, step_s: f64) -> f64 {
         let before = self.drift.value();
         0.5 * (before + self.drift.advance(step_s))
@@ -108,7 +114,8 @@ impl Readout {
         let offset = d.offset
             + d.offset_temperature * (around.electronics - REFERENCE_TEMPERATURE)
             + d.offset_voltage * (around.voltage - REFERENCE_VOLTAGE)
-            + around.parasitic;
+            + around.parasitic
+            + self.electronics_drift.advance(step_s);
         // A threshold lets nothing through that is smaller, as static friction does.
         let passed = if output.abs() < d.threshold { 0.0 } else { output };
         let noisy = passed + offset + d.white / step_s.sqrt() * self.white.normal();

@@ -3,6 +3,7 @@
 //! An SVG names its font, so that any browser can show it; the PNG is that SVG, rasterised with an embedded font of the
 //! same family. Colours are the palette of Okabe and Ito, which colour-blind readers can tell apart.
 mod draw;
+pub mod envelope;
 mod raster;
 
 use std::path::{Path, PathBuf};

@@ -56,13 +56,16 @@ pub(super) fn plain(value: f64, digits: usize) -> String {
     if value == 0.0 {
         return "0".to_owned();
     }
-    let exponent = exponent(value);
+    // Rounded before it is divided into digits and exponent: 9.96 is 10 with one digit.
+    let digits = digits.saturating_sub(1);
+    let rounded = format!("{value:.digits$e}");
+    let (mantissa, exponent) = rounded.split_once('e').unwrap_or((&rounded, "0"));
+    let exponent: i32 = exponent.parse().unwrap_or_default();
     if PLAIN.contains(&exponent) {
-        let digits = (i32::try_from(digits).unwrap_or(i32::MAX) - 1 - exponent).max(0) as usize;
+        let digits = digits.saturating_add_signed(-exponent as isize);
         return format!("{value:.digits$}");
     }
-    let digits = digits.saturating_sub(1);
-    format!("{:.digits$}·10{}", value / 10f64.powi(exponent), raised(exponent))
+    format!("{mantissa}·10{}", raised(exponent))
 }
 
 /// A probability.
@@ -182,5 +185,6 @@ mod tests {
         assert_eq!(probability(0.2), "p = 0.20");
         assert_eq!(probability(0.0), "p < 10⁻³⁰⁷");
         assert_eq!(probability(3e-5), "p = 3·10⁻⁵");
+        assert_eq!(probability(9.96e-81), "p = 1·10⁻⁸⁰");
     }
 }

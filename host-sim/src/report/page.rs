@@ -155,8 +155,7 @@ fn finding(report: &Report, index: usize, it: &Finding) -> Markup {
             @if !it.rivals.is_empty() {
                 h4 { "What looks like it" }
                 ul {
-                    @for rival in &it.rivals {
-                        @let told = words::rival_words(rival);
+                    @for told in words::rival_words(&it.rivals) {
                         li {
                             strong { (told.what) } ": " (told.how_alike) "."
                             @if !told.experiment.is_empty() { " " em { "To tell them apart:" } " " (told.experiment) }
@@ -199,7 +198,7 @@ fn better(fit: &Fit) -> Markup {
         ("−log-likelihood, nats per sample", |it| format!("{:.4}", it.nll_per_sample)),
         ("error of prediction, nominal σ", |it| plain(it.rmse, 3)),
         ("normalised innovation squared (1 is right)", |it| plain(it.nis_mean, 3)),
-        ("whiteness, p of Ljung–Box", |it| plain(it.whiteness_p, 2)),
+        ("whiteness (Ljung–Box; above 0.05 is white)", |it| probability(it.whiteness_p)),
     ];
     let cells = |it: &BeforeAfter, of: fn(&Goodness) -> String| {
         html! { td { (of(&it.before)) } td { (of(&it.after)) } }

@@ -128,32 +128,63 @@ pub(super) fn implausible(finding: &Finding) -> Option<String> {
     })
 }
 
-/// What else the data allow.
-pub(super) fn rival(rival: &Rival) -> String {
-    let RivalWords { what, how_alike, experiment } = rival_words(rival);
-    let experiment = if experiment.is_empty() { String::new() } else { format!(" To tell: {experiment}") };
-    format!("{what}: {how_alike}.{experiment}")
+/// What else the data allow, as a line each.
+pub(super) fn rivals(rivals: &[Rival]) -> Vec<String> {
+    let line = |RivalWords { what, how_alike, experiment }| {
+        let experiment =
+            if experiment.is_empty() { String::new() } else { format!(" To tell: {experiment}") };
+        format!("{what}: {how_alike}.{experiment}")
+    };
+    rival_words(rivals).into_iter().map(line).collect()
 }
 
-/// A rival in pieces.
+/// Rivals that the same experiment tells from the finding, in pieces.
 pub(super) struct RivalWords {
     pub(super) what: String,
     pub(super) how_alike: String,
     pub(super) experiment: String,
 }
 
-pub(super) fn rival_words(rival: &Rival) -> RivalWords {
-    let experiment = rival.separated_by.trim();
-    let stop = if experiment.is_empty() || experiment.ends_with('.') { "" } else { "." };
-    RivalWords {
-        what: format!("{} of {}", rival.effect, rival.sensor),
-        how_alike: format!(
-            "its signature is {}° from that of the finding, its likelihood {} nats behind",
-            plain(rival.principal_angle_deg, 2),
-            plain(rival.behind_nats, 2)
-        ),
-        experiment: format!("{experiment}{stop}"),
+/// What else the data allow, by the experiment that would tell, in the order of the first of each.
+pub(super) fn rival_words(rivals: &[Rival]) -> Vec<RivalWords> {
+    let mut groups: Vec<Vec<&Rival>> = Vec::new();
+    for rival in rivals {
+        match groups.iter_mut().find(|group| group[0].separated_by == rival.separated_by) {
+            Some(group) => group.push(rival),
+            None => groups.push(vec![rival]),
+        }
     }
+    let words = |group: Vec<&Rival>| {
+        let experiment = group[0].separated_by.trim();
+        let stop = if experiment.is_empty() || experiment.ends_with('.') { "" } else { "." };
+        let names: Vec<String> = group.iter().map(|it| format!("{} of {}", it.effect, it.sensor)).collect();
+        let span = |of: fn(&Rival) -> f64| {
+            let values = || group.iter().map(|it| of(it));
+            [values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max)]
+        };
+        let (angles, behind) = (span(|it| it.principal_angle_deg), span(|it| it.behind_nats));
+        let (signatures, likelihoods) = if names.len() == 1 {
+            ("its signature is", "its likelihood")
+        } else {
+            ("their signatures are", "their likelihoods")
+        };
+        let angles = between(angles, |angle| format!("{}°", plain(angle, 2)));
+        let behind = between(behind, |nats| {
+            format!("{} nats {}", plain(nats.abs(), 2), if nats < 0.0 { "ahead" } else { "behind" })
+        });
+        RivalWords {
+            what: names.join(", "),
+            how_alike: format!("{signatures} {angles} from that of the finding, {likelihoods} {behind}"),
+            experiment: format!("{experiment}{stop}"),
+        }
+    };
+    groups.into_iter().map(words).collect()
+}
+
+/// "3 K", or "3 K to 5 K".
+fn between([low, high]: [f64; 2], text: impl Fn(f64) -> String) -> String {
+    let (low, high) = (text(low), text(high));
+    if low == high { low } else { format!("{low} to {high}") }
 }
 
 /// "markov.tau_s of gyro_x: 221 → 300 s"
@@ -255,8 +286,8 @@ pub(super) fn text(report: &Report) -> String {
         if !others.is_empty() {
             text.line(3, &format!("The data cannot tell it from {}.", others.join(", ")));
         }
-        for other in &it.rivals {
-            text.line(3, &format!("Rival: {}", rival(other)));
+        for rival in rivals(&it.rivals) {
+            text.line(3, &format!("Rival: {rival}"));
         }
         for shift in &it.noise_shift {
             text.line(3, &format!("Noise: {}", noise_shift(shift)));
@@ -341,6 +372,31 @@ mod tests {
             noise_shift: Vec::new(),
             rivals: Vec::new(),
         }
+    }
+
+    #[test]
+    fn rivals_that_one_experiment_tells_are_one_line() {
+        let rival = |effect: &str, principal_angle_deg, behind_nats, separated_by: &str| Rival {
+            sensor: "gyro".into(),
+            effect: effect.into(),
+            principal_angle_deg,
+            behind_nats,
+            separated_by: separated_by.into(),
+        };
+        let all = [
+            rival("bias_temperature", 0.0, -1.3, "tilt it"),
+            rival("periodic_line", 90.0, 3.1, "sample faster."),
+            rival("bias_warmup", 15.0, 0.05, "tilt it"),
+        ];
+        assert_eq!(
+            rivals(&all),
+            [
+                "bias_temperature of gyro, bias_warmup of gyro: their signatures are 0° to 15° from that of the finding, \
+                 their likelihoods 1.3 nats ahead to 0.050 nats behind. To tell: tilt it.",
+                "periodic_line of gyro: its signature is 90° from that of the finding, its likelihood 3.1 nats behind. \
+                 To tell: sample faster."
+            ]
+        );
     }
 
     #[test]

@@ -174,6 +174,7 @@ fn torques(f: Fields<'_, '_>, design: &mut GyroDesign) {
     design.reaction_torque = f.pair("reaction_Nm");
     design.reaction_torque_temperature = f.pair("reaction_Nm_per_K");
     design.reaction_torque_rise = f.pair("reaction_Nm_per_K_rise");
+    design.reaction_torque_gradient = f.pair("reaction_Nm_per_K_per_m");
     design.magnetic_moment = f.number("magnetic_moment_Am2", 0.0);
 }
 

@@ -68,7 +68,7 @@ pub(super) fn bias_step(setting: &Setting, draw: &mut Draw) -> Option<Concealed>
     let per = 1.0 / setting.unit(&id).in_si();
     let unit = unit_of(setting, &id);
     let it = it.read_at(&id).during(from, end).parameter("coefficient", unit, Rule::Sized(per));
-    Some(pair(setting, it).parameter("onset_s", "s", Rule::Fixed(from)))
+    Some(pair(setting, it).parameter("onset_s", "s", Rule::Instant(from)))
 }
 
 /// Of two sensors that are only compared with each other, either may be named.
@@ -99,7 +99,7 @@ pub(super) fn bias_drift_linear(setting: &Setting, draw: &mut Draw) -> Option<Co
     let unit = setting.unit(&id);
     let it = it.parameter("coefficient", format!("{unit}/h"), Rule::Sized(3600.0 / unit.in_si()));
     if from > 0.0 {
-        return Some(it.during(from, end).parameter("onset_s", "s", Rule::Fixed(from)));
+        return Some(it.during(from, end).parameter("onset_s", "s", Rule::Instant(from)));
     }
     Some(it)
 }

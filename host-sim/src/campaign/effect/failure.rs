@@ -27,7 +27,7 @@ pub(super) fn output_stuck(setting: &Setting, draw: &mut Draw) -> Option<Conceal
     });
     it.with_noise = true;
     it.linear = false;
-    Some(it.during(from, end).parameter("onset_s", "s", Rule::Fixed(from)))
+    Some(it.during(from, end).parameter("onset_s", "s", Rule::Instant(from)))
 }
 
 pub(super) fn output_saturated(setting: &Setting, draw: &mut Draw) -> Option<Concealed> {

@@ -51,6 +51,8 @@ pub enum Rule {
     Sized(f64),
     /// A value of its own.
     Fixed(f64),
+    /// An instant of the simulation, s; the answer counts it from the first row.
+    Instant(f64),
     /// The slope of the effect's exact signal over its true cause, in SI units.
     Slope(Cause),
 }
@@ -67,6 +69,8 @@ pub struct Parameter {
 
 /// A true cause, from the truth of a run.
 pub type Cause = Box<dyn Fn(&Columns) -> Vec<f64> + Send + Sync>;
+/// Whether an effect shows at all in what a run's truth went through.
+type Shows = Box<dyn Fn(&Columns) -> bool + Send + Sync>;
 /// The noise with an effect of a size.
 type NoiseOf = Box<dyn Fn(&Noise, f64) -> Noise + Send + Sync>;
 /// How an effect of a size is put into a scenario.
@@ -122,6 +126,8 @@ pub struct Concealed {
     pub parameters: Vec<Parameter>,
     /// What it does to the noise.
     pub noise: Option<NoiseChange>,
+    /// What it needs of the run.
+    pub shows: Shows,
 }
 
 impl Concealed {
@@ -148,6 +154,7 @@ impl Concealed {
             inject: Box::new(inject),
             parameters: vec![],
             noise: None,
+            shows: Box::new(|_| true),
         }
     }
 
@@ -183,6 +190,11 @@ impl Concealed {
 
     fn curved(mut self) -> Self {
         self.linear = false;
+        self
+    }
+
+    fn needing(mut self, shows: impl Fn(&Columns) -> bool + Send + Sync + 'static) -> Self {
+        self.shows = Box::new(shows);
         self
     }
 

@@ -47,7 +47,7 @@ pub(super) fn drifting(
     let more = process.clone();
     let it = Concealed::new(effect, Structure, &id, start, move |s, size| {
         if let Some(it) = readout_of(s, &output) {
-            it.drift.push(more(size.abs()));
+            it.electronics_drift.push(more(size.abs()));
         }
     });
     Some(it.noise(true, move |noise, size| {
@@ -139,7 +139,7 @@ pub(super) fn noise_variance_step(setting: &Setting, draw: &mut Draw) -> Option<
             fault(s, &output, Fault::Noise(size.abs()), from, f64::INFINITY);
         },
     );
-    let it = it.during(from, end).parameter("onset_s", "s", Rule::Fixed(from));
+    let it = it.during(from, end).parameter("onset_s", "s", Rule::Instant(from));
     Some(it.noise(false, move |noise, size| Noise { more_white: Some((from, size.abs())), ..noise.clone() }))
 }
 

@@ -2,7 +2,9 @@
 use super::super::draw::Draw;
 use super::super::setting::ELECTRONICS;
 use super::super::setting::FAR_THERMOMETER;
+use super::super::setting::Kind;
 use super::super::setting::Setting;
+use super::super::setting::THERMOMETER;
 use super::Concealed;
 use super::Family::Thermal as Warm;
 use super::Make;
@@ -44,6 +46,12 @@ pub(super) fn bias_temperature(setting: &Setting, draw: &mut Draw) -> Option<Con
         _ => bridge(s, &output, size, 0.0, 0.0),
     });
     let it = it.slope(format!("{}/K", setting.unit(&id)), temperature_at(&id));
+    // The loop tilts its platform until an accelerometer's error a is gone: a gyro's drift ȧ/g.
+    let it = if setting.kind == Kind::Channel && make == Make::Accelerometer {
+        it.same_on("gyro", "bias_temperature_rate")
+    } else {
+        it
+    };
     Some(it.same(&["bias_on_aux"]).tolerating(&["bias_constant"]))
 }
 
@@ -104,20 +112,17 @@ pub(super) fn gradient_driven(
     far: bool,
 ) -> Option<Concealed> {
     warm(setting)?;
-    let (id, make) = choose(setting, draw, |id, make| {
-        let fits = matches!(make, Make::Tuned | Make::Accelerometer) || (make == Make::Fibre && !far);
-        fits && may_be_detuned(setting, id)
+    let (id, make) = choose(setting, draw, |_, make| {
+        matches!(make, Make::Tuned | Make::Accelerometer) || (make == Make::Fibre && !far)
     })?;
     let output = id.clone();
     let scale = scale_of(setting, &id) * draw.sign();
     let start = if make == Make::Fibre { 1000.0 * scale } else { 0.1 * scale };
     let it = Concealed::new(effect, Warm, &id, start, move |s, size| match make {
         Make::Tuned => {
+            // Not by pick-offs that the housing bends: a null that moves is a rate, and the gradient's rate would be most of it.
             if let Some(it) = s.gyros.iter_mut().find(|g| g.ids.0 == output) {
-                // Pick-offs that the housing bends, on springs a little off tune.
-                it.design.rotor.stiffness = it.design.rotor.stiffness.map(|k| k * (1.0 + 4e-4));
-                let detuning = 4e-4 * it.design.rotor.stiffness[0] / it.design.calibration.norm();
-                it.design.pickoff_offset_gradient = [size / detuning; 2];
+                it.design.reaction_torque_gradient[1] = size * it.design.calibration.norm();
             }
         }
         Make::Accelerometer => {
@@ -145,6 +150,11 @@ pub(super) fn bias_temperature_rate(setting: &Setting, draw: &mut Draw) -> Optio
     let cause = rate_of(&id, setting.scenario.step_s);
     let it = it.slope(format!("{}/(K/h)", setting.unit(&id)), cause);
     let it = it.tolerating(&["bias_constant"]);
+    let it = if setting.kind == Kind::Channel && id == "gyro" {
+        it.same_on("accelerometer", "bias_temperature")
+    } else {
+        it
+    };
     // With two thermometers the gradient that does it can be seen.
     Some(if far { it.same(&["bias_temperature_gradient"]) } else { it })
 }
@@ -152,6 +162,17 @@ pub(super) fn bias_temperature_rate(setting: &Setting, draw: &mut Draw) -> Optio
 pub(super) fn bias_temperature_gradient(setting: &Setting, draw: &mut Draw) -> Option<Concealed> {
     has_far(setting).then_some(())?;
     let it = gradient_driven(setting, draw, "bias_temperature_gradient", true)?;
+    let (near, far) = (temperature_at(THERMOMETER), temperature_at(FAR_THERMOMETER));
+    let place = |name: &str| {
+        let thermometer = setting.scenario.recorded.thermometers.iter().find(|entry| entry.column == name)?;
+        Some(thermometer.position_m)
+    };
+    let distance_m = place(FAR_THERMOMETER)? - place(THERMOMETER)?;
+    let gradient = move |truth: &Columns| {
+        far(truth).iter().zip(near(truth)).map(|(far, near)| (far - near) / distance_m).collect()
+    };
+    let unit = format!("{}/(K/m)", setting.unit(&it.sensor));
+    let it = it.slope(unit, gradient);
     Some(it.same(&["bias_temperature_rate"]).tolerating(&["bias_constant"]))
 }
 
@@ -207,11 +228,38 @@ pub(super) fn bias_thermal_hysteresis(setting: &Setting, draw: &mut Draw) -> Opt
     let (id, _) = any(setting, draw)?;
     let slip = draw.between(0.5, 2.0);
     let output = id.clone();
+    let temperature = temperature_at(&id);
     let start = 0.3 * scale_of(setting, &id) * draw.sign();
     Some(
         Concealed::new("bias_thermal_hysteresis", Warm, &id, start, move |s, size| {
             parasite(s, &output, Disturbance::Joint { coefficient: size, slip });
         })
-        .tolerating(&["bias_constant", "bias_temperature"]),
+        .tolerating(&["bias_constant", "bias_temperature"])
+        .needing(move |truth| both_branches(&temperature(truth), slip)),
     )
+}
+
+/// Whether a joint slips both ways: in a heating alone its strain is a function of the temperature, and no hysteresis.
+fn both_branches(temperature: &[f64], slip: f64) -> bool {
+    let (mut strain, mut slipped) = (0.0f64, [false; 2]);
+    for pair in temperature.windows(2) {
+        strain = (strain + pair[1] - pair[0]).clamp(-slip, slip);
+        slipped = [slipped[0] || strain <= -slip, slipped[1] || strain >= slip];
+    }
+    slipped == [true, true]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::both_branches;
+
+    #[test]
+    fn a_joint_shows_both_branches_only_when_the_temperature_turns() {
+        let there = (0..50).map(|k| 20.0 + 0.2 * f64::from(k));
+        let heating: Vec<f64> = there.clone().collect();
+        let cycle: Vec<f64> = there.clone().chain(there.rev()).collect();
+        assert!(!both_branches(&heating, 1.0));
+        assert!(both_branches(&cycle, 1.0));
+        assert!(!both_branches(&cycle, 6.0));
+    }
 }

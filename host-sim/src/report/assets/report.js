@@ -359,7 +359,7 @@
 
   const fit = (entry) => {
     const width = entry.holder.clientWidth;
-    if (width > 0 && width !== entry.plot.width) entry.plot.setSize({ width, height: printing ? 200 : 260 });
+    if (width > 0 && width !== entry.plot.width) entry.plot.setSize({ width, height: 260 });
   };
   addEventListener("beforeprint", () => {
     printing = true;
