@@ -17,12 +17,6 @@ def cross_with_axes(v):
     return np.stack([np.cross(v, axis) for axis in np.eye(3)], axis=2)
 
 
-def body_rate(rotations, time):
-    """Mean rate in body axes between the neighbours of each row; one-sided at the ends, NaN beside what is missing."""
-    turn = (rotations[:-2].inv() * rotations[2:]).as_rotvec() / (time[2:] - time[:-2])[:, None]
-    return np.vstack([turn[:1], turn, turn[-1:]])
-
-
 def autoregression(residual, order):
     """Coefficients and innovation deviation of an autoregression, by least squares over the rows that are complete."""
     lags = np.column_stack([residual[order - k - 1 : len(residual) - k - 1] for k in range(order)])

@@ -2,7 +2,9 @@
 //! write is read by them as it was.
 //!
 //! `tests/oracle/make_tables.py` writes the recordings, `tests/oracle/check_tables.py` compares what became of them with
-//! what pyulog, mcap and pyarrow read, in a virtual environment under `target` that is made the first time.
+//! what pyulog, mcap and pyarrow read (`check_log.py` so for the log of a real flight controller), in a virtual environment under `target` that is made the first time.
+use std::collections::BTreeSet;
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -61,16 +63,26 @@ fn recording(directory: &Path, table: &str) -> Recording {
     recording
 }
 
+/// Runs a script of the oracles to its good end.
+fn oracle(script: &str, arguments: &[&Path]) {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("oracle").join(script);
+    let mut python = Command::new(python());
+    let output =
+        python.arg("-B").arg(script).args(arguments).output().expect("the environment's Python runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    println!("{}", String::from_utf8_lossy(&output.stdout));
+}
+
 /// What identification, explanation and flight make of a recording, every number with all its digits.
 fn answers(recording: &Recording) -> [String; 3] {
-    let identified = identify::identify(recording, identify::Options::default(), |_| ());
+    let identified = identify::identify(recording, identify::Options::default());
     let explained = explain(recording, &Options::default());
     let channels = flight::plan(recording).unwrap_or_else(|problem| panic!("{problem:?}"));
     let json = |it: Result<String, _>| it.expect("an answer is JSON");
     [
         json(serde_json::to_string(&identified)),
         format!("{explained:?}"),
-        format!("{:?}", channels.iter().map(|it| (&it.time_s, &it.inputs)).collect::<Vec<_>>()),
+        format!("{:?}", channels.iter().map(|it| it.steps(recording)).collect::<Vec<_>>()),
     ]
 }
 
@@ -90,18 +102,7 @@ fn identification_explanation_and_flight_are_the_same_from_every_format() {
 #[test]
 fn what_is_written_is_read_by_others_as_they_read_the_original() {
     let directory = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("formats");
-    let oracle = |script: &str| {
-        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("oracle").join(script);
-        let output = Command::new(python())
-            .arg("-B")
-            .arg(script)
-            .arg(&directory)
-            .output()
-            .expect("the environment's Python runs");
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        println!("{}", String::from_utf8_lossy(&output.stdout));
-    };
-    oracle("make_tables.py");
+    oracle("make_tables.py", &[&directory]);
     for table in TABLES {
         // The samples that the crate is tested with are those of the script.
         let (made, sample) = (recording(&directory, table), recording(&samples(), table));
@@ -118,9 +119,55 @@ fn what_is_written_is_read_by_others_as_they_read_the_original() {
                 columns.map(|name| table.index(name).expect("a column")).collect()
             });
             let copy = directory.join(format!("{name}-copy{}", format.ending()));
-            let copied = table::copy(table, &wanted, None, &copy, format, |_| Ok::<(), Error>(()));
+            let file = fs::File::create(&copy).expect("writable");
+            let copied = table::copy(table, &wanted, None, (file, &copy), format, |_| Ok::<(), Error>(()));
             assert_eq!(copied.expect("a copy").rows, 113, "{name}");
         }
     }
-    oracle("check_tables.py");
+    oracle("check_tables.py", &[&directory]);
+}
+
+/// Where the crate is kept that holds a log of a real flight controller (MIT), fetched by Cargo and not part of the project; none,
+/// and loud about it, where it cannot be reached.
+fn real_log() -> Option<PathBuf> {
+    let directory = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("real_log");
+    let log = directory.join("vendor/yule_log/data/sample_log_small.ulg");
+    if !log.exists() {
+        fs::create_dir_all(directory.join("src")).expect("writable");
+        fs::write(directory.join("src/lib.rs"), "").expect("writable");
+        let manifest = "[package]\nname = \"real_log\"\nedition = \"2024\"\n[dependencies]\nyule_log = \"=0.4.0\"\n[workspace]\n";
+        fs::write(directory.join("Cargo.toml"), manifest).expect("writable");
+        let vendored =
+            Command::new(env!("CARGO")).args(["vendor", "--quiet"]).current_dir(&directory).output();
+        let output = vendored.expect("cargo runs");
+        if !output.status.success() {
+            eprintln!("SKIPPED: no log of a real PX4: {}", String::from_utf8_lossy(&output.stderr));
+            return None;
+        }
+    }
+    Some(log)
+}
+
+#[test]
+fn the_log_of_a_real_flight_controller_is_read_as_pyulog_reads_it() {
+    let Some(log) = real_log() else { return };
+    let directory = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("real_log/topics");
+    let _ = fs::remove_dir_all(&directory);
+    fs::create_dir_all(&directory).expect("writable");
+    let open = || table::open(&log).unwrap_or_else(|error| panic!("{error}"));
+    let topic = |name: &str| name.split('.').next().unwrap_or_default().to_owned();
+    let topics: BTreeSet<String> = open().names().iter().map(|name| topic(name)).collect();
+    assert!(topics.len() > 10, "{topics:?}");
+    for of in topics {
+        let table = open();
+        let time = table.index(&format!("{of}.timestamp")).expect("a time");
+        let fields =
+            (0..table.names().len()).filter(|&index| index != time && topic(&table.names()[index]) == of);
+        let wanted: Vec<usize> = std::iter::once(time).chain(fields).collect();
+        let path = directory.join(format!("{of}.parquet"));
+        let file = fs::File::create(&path).expect("writable");
+        table::copy(table, &wanted, None, (file, &path), Format::Parquet, |_| Ok::<(), Error>(()))
+            .unwrap_or_else(|error| panic!("{of}: {error}"));
+    }
+    oracle("check_log.py", &[&log, &directory]);
 }

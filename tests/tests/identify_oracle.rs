@@ -23,7 +23,7 @@ fn scratch() -> PathBuf {
 /// Identifies the case and has the oracle check the answer.
 fn check(name: &str, case: &Path) -> Identification {
     let recording = Recording::read(case).unwrap_or_else(|error| panic!("{error:#}"));
-    let identification = identify(&recording, Options::default(), |_| ());
+    let identification = identify(&recording, Options::default());
     let answer = scratch().join(format!("{name}.json"));
     fs::write(&answer, serde_json::to_string(&identification).expect("an answer is JSON")).expect("writable");
     let table = case.parent().unwrap_or(Path::new("")).join(&recording.case.recording.path);

@@ -18,6 +18,7 @@ const GRAVITY: f64 = 9.80665;
 const EARTH_RATE: f64 = 7.292_115e-5;
 
 /// Inputs of the flight, one a step, for good.
+#[derive(Clone)]
 pub(crate) struct Flight {
     random: Pcg64,
     step: u64,
