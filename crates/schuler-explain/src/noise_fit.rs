@@ -175,7 +175,7 @@ pub fn polish(
         let left = left_by(projected, &amplitudes);
         let moved = |place: usize| {
             let mut moved = logs.clone();
-            moved[place / 2] += if place % 2 == 0 { STEP } else { -STEP };
+            moved[place / 2] += if place.is_multiple_of(2) { STEP } else { -STEP };
             at_amplitudes(&moved, &left)
         };
         let moved: Vec<f64> = (0..2 * size).into_par_iter().map(moved).collect();
