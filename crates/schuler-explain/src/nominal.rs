@@ -279,11 +279,13 @@ impl Model {
     }
 
     fn add_loop(&mut self, recording: &Recording, masked: &[Vec<bool>]) {
-        for (index, series) in recording.sensors.iter().enumerate() {
-            if series.sensor.kind != SensorKind::InsVelocity {
-                self.notes.push(format!("{} is not checked in a velocity-error case", series.sensor.id));
-                continue;
-            }
+        let (velocities, others): (Vec<_>, Vec<_>) = (recording.sensors.iter().enumerate())
+            .partition(|(_, series)| series.sensor.kind == SensorKind::InsVelocity);
+        if !others.is_empty() {
+            let names: Vec<_> = others.iter().map(|(_, series)| series.sensor.id.as_str()).collect();
+            self.notes.push(format!("not checked in a velocity-error case: {}", names.join(", ")));
+        }
+        for (index, series) in velocities {
             let own = own_part(recording, index);
             let data: Vec<f64> = (series.values.iter().zip(&own).enumerate())
                 .map(|(row, (value, own))| {

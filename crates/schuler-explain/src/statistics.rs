@@ -119,7 +119,9 @@ pub fn maxima_per_place(u: f64, forgotten: &[f64]) -> f64 {
     }
     let power = far.map_or(1.0, |far| (far / near).log2()).clamp(1.0, 2.0);
     let distance = doublings * (reached / near).powf(power.recip());
-    std::f64::consts::PI.powf(0.5 * (1.0 - power)) * overshoot((2.0 / distance).sqrt()) / distance
+    // Between its places a random walk rises above them, a smooth process does not.
+    let missed = overshoot((2.0 / distance).sqrt()).powf(2.0 - power);
+    std::f64::consts::PI.powf(0.5 * (1.0 - power)) * missed / distance
 }
 
 /// ln P(max |z| > `u`) over a chain of standard normals with so many separate maxima, in units of the tail at one place.

@@ -2,6 +2,7 @@
 
 import _thread
 import re
+import signal
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -255,7 +256,9 @@ def test_interrupt_and_progress() -> None:
     assert all(0.0 <= part <= 1.0 for _, part in told)
     assert {phase for phase, _ in told} <= {"preparing", "searching", "refining", "judging"}
 
-    # As Ctrl-C does: the signal arrives at the main thread, which is this one.
+    # As Ctrl-C does: the signal arrives at the main thread, which is this one. What a shell starts in the
+    # background ignores it.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     threading.Timer(0.3, _thread.interrupt_main).start()
     with pytest.raises(KeyboardInterrupt):
         schuler.explain(case(), columns)
