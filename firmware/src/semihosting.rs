@@ -73,6 +73,37 @@ impl Console {
     pub fn open() -> Option<Self> {
         open(OUTPUT, MODE_WRITE).map(|output| Self { output })
     }
+
+    /// Writes bytes as they are.
+    pub fn send(&mut self, bytes: &[u8]) {
+        write(self.output, bytes);
+    }
+}
+
+/// The emulator's standard input, for images that do not speak the protocol.
+#[derive(Debug)]
+pub struct Input {
+    input: usize,
+}
+
+impl Input {
+    /// Opens it; nothing where the emulator does not let it.
+    pub fn open() -> Option<Self> {
+        open(INPUT, MODE_READ).map(|input| Self { input })
+    }
+
+    /// Waits for so many bytes; false where the other side closes before.
+    pub fn fill(&mut self, bytes: &mut [u8]) -> bool {
+        let mut rest = bytes;
+        while !rest.is_empty() {
+            let received = read(self.input, rest).len();
+            if received == 0 {
+                return false;
+            }
+            rest = rest.get_mut(received..).unwrap_or_default();
+        }
+        true
+    }
 }
 
 impl fmt::Write for Console {

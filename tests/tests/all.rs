@@ -11,6 +11,7 @@ mod documents;
 mod equation_definitions;
 mod explain_real;
 mod firmware_counts;
+mod firmware_double;
 mod firmware_faults;
 mod firmware_image;
 mod firmware_serial;

@@ -23,6 +23,8 @@ pub enum Image {
     Flashed,
     /// Provokes faults; does not speak the protocol.
     Provoke,
+    /// Computes in double precision; speaks bytes of its own.
+    Double,
     /// Counts instructions and stack; speaks text, and needs an emulator that counts.
     Count,
 }
@@ -45,7 +47,7 @@ impl Image {
 
     /// It speaks through the emulator, not through the serial line.
     pub(super) fn has_semihosting(self) -> bool {
-        matches!(self, Image::Semihosting | Image::Count)
+        matches!(self, Image::Semihosting | Image::Double | Image::Count)
     }
 
     fn features(self) -> &'static str {
@@ -54,6 +56,7 @@ impl Image {
             Image::Semihosting => "mps2-an386,semihosting",
             Image::Flashed => "stm32f405",
             Image::Provoke => "mps2-an386,provoke",
+            Image::Double => "mps2-an386,double",
             Image::Count => "mps2-an386,count",
         }
     }
@@ -61,6 +64,7 @@ impl Image {
     fn binary(self) -> &'static str {
         match self {
             Image::Provoke => "provoke",
+            Image::Double => "double",
             Image::Count => "count",
             _ => "firmware",
         }
@@ -72,6 +76,7 @@ impl Image {
             Image::Semihosting => "mps2-an386-semihosting.elf",
             Image::Flashed => "stm32f405.elf",
             Image::Provoke => "provoke.elf",
+            Image::Double => "double.elf",
             Image::Count => "count.elf",
         }
     }

@@ -135,7 +135,7 @@ impl Correction {
 
     /// Specific force, m/s², from the accelerometers' outputs, m/s².
     pub fn specific_force(&self, measured: [f64; 3]) -> [f64; 3] {
-        self.accelerometer.apply(measured)
+        self.accelerometer.apply_triangular(measured)
     }
 }
 
@@ -184,6 +184,16 @@ impl Triad {
         let [[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]] = self.shrink.map(|row| row.map(f64::from));
         let [x, y, z] = free;
         [x - (xx * x + xy * y + xz * z), y - (yx * x + yy * y + yz * z), z - (zx * x + zy * y + zz * z)]
+    }
+
+    /// The same where `N` is lower triangular, as it is with `M`.
+    fn apply_triangular(&self, measured: [f64; 3]) -> [f64; 3] {
+        let [x, y, z] = measured;
+        let [bx, by, bz] = self.bias.map(f64::from);
+        let [x, y, z] = [x - bx, y - by, z - bz];
+        let [[xx, ..], [yx, yy, _], [zx, zy, zz]] = self.shrink;
+        let [xx, yx, yy, zx, zy, zz] = [xx, yx, yy, zx, zy, zz].map(f64::from);
+        [x - xx * x, y - (yx * x + yy * y), z - (zx * x + zy * y + zz * z)]
     }
 }
 

@@ -46,6 +46,16 @@ impl Random {
         (0..12).map(|_| self.symmetric()).sum::<f64>() * 0.5
     }
 
+    /// Any bits.
+    pub fn bits(&mut self) -> u64 {
+        self.0.next_u64()
+    }
+
+    /// A number below the limit, which is not zero.
+    pub fn below(&mut self, limit: u32) -> u32 {
+        self.0.next_u32() % limit
+    }
+
     /// True once in so many times.
     pub fn once_in(&mut self, times: u32) -> bool {
         self.0.next_u32().is_multiple_of(times)
