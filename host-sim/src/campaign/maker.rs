@@ -55,6 +55,9 @@ const MOST_FOREIGN: f64 = 0.1;
 /// Another name that explains all but so much of an effect is as good as its own, nats: the noise takes one for the other in one
 /// case of twenty-five.
 const ALIKE_NATS: f64 = 6.0;
+/// Share of an effect's gain that nothing else which is concealed may take: where the record does not tell two effects apart, nobody
+/// can find both.
+const LEAST_OWN: f64 = 0.5;
 /// A repeated reading tells at least this much, nats.
 const REPEATED_NATS: f64 = 1.0;
 
@@ -141,6 +144,9 @@ fn conceal(
                 continue;
             }
             effects.extend(bench.size(another, group.gain_nats, draw)?);
+            if !bench.tells_apart(&effects) {
+                effects.pop();
+            }
         }
         if effects.len() < wanted {
             return Ok(None);
@@ -219,6 +225,22 @@ impl<'c> Bench<'c> {
                 view.whiten(&self.time_s, &[&mask, &signal]).get(1).map_or(0.0, |s| half_square(s))
             })
             .sum()
+    }
+
+    /// Whether most of what each effect gains is its own, and would be left were the sizes of the others free.
+    fn tells_apart(&self, effects: &[Sized]) -> bool {
+        let mut scenario = self.setting.scenario.clone();
+        effects.iter().for_each(|it| (it.concealed.inject)(&mut scenario, it.size));
+        let mask = oracle::mask(&scenario.gaps, self.setting.scenario.step_s, self.rows);
+        let mut white = vec![Vec::new(); effects.len()];
+        for view in oracle::views(&self.setting, |id| self.setting.noise_of(id)) {
+            let signals: Vec<Vec<f64>> = effects.iter().map(|it| view.of(&it.signals, self.rows)).collect();
+            let series: Vec<&[f64]> =
+                std::iter::once(mask.as_slice()).chain(signals.iter().map(Vec::as_slice)).collect();
+            let all = view.whiten(&self.time_s, &series);
+            white.iter_mut().zip(all.iter().skip(1)).for_each(|(own, seen)| own.extend(seen));
+        }
+        oracle::own_shares(&white).iter().all(|share| *share >= LEAST_OWN)
     }
 
     /// Gain of the true noise against the nominal one, over a simulated record.

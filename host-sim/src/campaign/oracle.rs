@@ -136,6 +136,22 @@ pub fn half_square(values: &[f64]) -> f64 {
     0.5 * values.iter().filter(|v| v.is_finite()).map(|v| v * v).sum::<f64>()
 }
 
+/// Of each whitened signal the share of its gain that is left beside the others with free sizes; one where there is no signal.
+pub fn own_shares(white: &[Vec<f64>]) -> Vec<f64> {
+    let share = |j: usize| {
+        let (mut own, mut others) = (white[j].clone(), Vec::<Vec<f64>>::new());
+        for (_, other) in white.iter().enumerate().filter(|(k, _)| *k != j) {
+            let mut other = other.clone();
+            others.iter().for_each(|along| project_out(&mut other, along));
+            project_out(&mut own, &other);
+            others.push(other);
+        }
+        let whole = half_square(&white[j]);
+        if whole > 0.0 { half_square(&own) / whole } else { 1.0 }
+    };
+    (0..white.len()).map(share).collect()
+}
+
 /// The scenario without noise, without conversion and without missing rows.
 #[must_use]
 pub fn silent(scenario: &Scenario) -> Scenario {
@@ -244,6 +260,19 @@ pub fn mask(gaps: &[(f64, f64)], step_s: f64, rows: usize) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_others_can_take_is_not_an_effects_own() {
+        let (a, b) = (vec![1.0, 2.0, f64::NAN, 0.0], vec![0.0, 0.0, f64::NAN, 3.0]);
+        let sum: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a + b).collect();
+        let apart = own_shares(&[a.clone(), b.clone(), vec![0.0; 4]]);
+        assert!(apart.iter().all(|share| (share - 1.0).abs() < 1e-12), "{apart:?}");
+        let together = own_shares(&[a.clone(), b, sum]);
+        assert!(together.iter().all(|share| *share < 1e-12), "{together:?}");
+        // Of two at 45° half of each is its own.
+        let half = own_shares(&[vec![1.0, 0.0], vec![1.0, 1.0]]);
+        assert!(half.iter().all(|share| (share - 0.5).abs() < 1e-12), "{half:?}");
+    }
     use crate::scenario::instruments::CONE;
 
     #[test]
