@@ -1,6 +1,11 @@
-//! Chooses the linker scripts of the board.
+//! Chooses the linker scripts of the board and the size of the stack.
 use std::env;
 use std::path::Path;
+
+/// Bytes of stack: the deepest way through the calls, and a ninth of it besides (`docs/flight-budget.md`).
+const STACK: u32 = 16 * 1024;
+/// The counting image has more on its stack: what it counts, and how.
+const COUNTING_STACK: u32 = 24 * 1024;
 
 fn main() {
     println!("cargo:rerun-if-changed=build.rs");
@@ -14,6 +19,8 @@ fn main() {
     for directory in [firmware, &firmware.join("..")] {
         println!("cargo:rustc-link-search={}", directory.display());
     }
+    let stack = if env::var_os("CARGO_FEATURE_COUNT").is_some() { COUNTING_STACK } else { STACK };
+    println!("cargo:rustc-link-arg-bins=--defsym=_stack_size={stack}");
     // The stack first: the layout provides what is still undefined.
     for script in ["stack.x", layout, "defmt.x"] {
         println!("cargo:rustc-link-arg-bins=-T{script}");

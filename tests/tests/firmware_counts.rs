@@ -65,14 +65,14 @@ const LIMITS: [(&str, u32, f64); 24] = [
     ("five determinants, f64", 15_000, 1.0),
     ("isolation step, f64", 30_000, 2.0),
     ("temperature rate, f32", 17_000, 1.0),
-    ("health monitor, f32", 23_000, 1.0),
-    ("thermal correction: at a temperature, f32", 1500, 1.0),
+    ("health monitor, f32", 22_500, 1.0),
+    ("thermal correction: at a temperature, f32", 1000, 1.0),
     ("thermal correction: rates and forces, f64", 4200, 1.0),
     ("configuration", 600_000, 1.0),
     ("module step, no identification", SHARE_OF_A_SECOND, 1.0),
     ("module step, published loop", SHARE_OF_A_SECOND, 50.0),
-    ("module step", SHARE_OF_A_SECOND, 7.0),
-    ("module step, clocks that jump", SHARE_OF_A_SECOND, 7.0),
+    ("module step", SHARE_OF_A_SECOND, 3.0),
+    ("module step, clocks that jump", SHARE_OF_A_SECOND, 5.0),
     // Among the frames is one configuration, which takes the most.
     ("main loop: a frame with a step, its answer", 600_000, 100.0),
 ];

@@ -14,6 +14,17 @@ pub(crate) fn select<V>(condition: bool, one: V, other: V) -> V {
     core::hint::select_unpredictable(condition, one, other)
 }
 
+/// An array, element by element: `each!(|i| x[i] + y[i]; 0 1 2 3)`. Written out, as the image does not unroll loops.
+macro_rules! each {
+    (|$index:ident| $value:expr; $($at:literal)*) => {
+        [$({
+            let $index: usize = $at;
+            $value
+        }),*]
+    };
+}
+pub(crate) use each;
+
 /// Ratios of the terms of the power series of cosine and sine, 1/(2k − 1)2k and 1/2k(2k + 1). On an eighth of a turn the first
 /// term left out is below 3·10⁻¹⁷ of the sum.
 const RATIOS: [[f64; 2]; 8] = {
@@ -69,8 +80,9 @@ impl<T: RealField + Copy> CompensatedSum<T> {
     #[inline]
     pub(crate) fn add(&mut self, term: T) {
         let total = self.sum + term;
-        self.lost +=
-            if self.sum.abs() >= term.abs() { (self.sum - total) + term } else { (term - total) + self.sum };
+        let of_term = self.sum.abs() >= term.abs();
+        let (larger, smaller) = (select(of_term, self.sum, term), select(of_term, term, self.sum));
+        self.lost += (larger - total) + smaller;
         self.sum = total;
     }
 

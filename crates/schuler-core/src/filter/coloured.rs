@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use super::kernel::{Farthest, Innovation, Kernel, Restart, are_finite, at_most, certain};
 use super::model::{DOUBLINGS, QUADRATURE, TERMS};
 use super::{FilterConfig, MarkovNoise};
-use crate::number::{real, select, sine_and_cosine};
+use crate::number::{each, real, select, sine_and_cosine};
 use crate::saved::{Blank, saved};
 
 const STATES: usize = 6;
@@ -122,20 +122,18 @@ impl<T: RealField + Copy> ColouredModel<T> {
     }
 
     /// Φ x.
-    #[inline]
-    fn transition(&self, x: &[T; STATES]) -> [T; STATES] {
-        let mut out = [T::zero(); STATES];
-        for (row, out) in self.loop_rows.iter().zip(&mut out) {
-            for (f, x) in row.iter().zip(x) {
-                *out += *f * *x;
-            }
-        }
-        for (sensor, [c, s]) in self.rotations.iter().enumerate() {
-            let (first, second) = (2 + 2 * sensor, 3 + 2 * sensor);
-            out[first] = *c * x[first] - *s * x[second];
-            out[second] = *s * x[first] + *c * x[second];
-        }
-        out
+    #[inline(always)]
+    fn transition(&self, [v, d, a, b, w, x]: [T; STATES]) -> [T; STATES] {
+        let [[vv, vd, va, vb, vw, vx], [dv, dd, da, db, dw, dx]] = self.loop_rows;
+        let [[ca, sa], [cw, sw]] = self.rotations;
+        [
+            vv * v + vd * d + va * a + vb * b + vw * w + vx * x,
+            dv * v + dd * d + da * a + db * b + dw * w + dx * x,
+            ca * a - sa * b,
+            sa * a + ca * b,
+            cw * w - sw * x,
+            sw * w + cw * x,
+        ]
     }
 }
 
@@ -193,6 +191,17 @@ impl<T: RealField + Copy> ColouredGaussian<T> {
         }
         Self { mean: [mean[0], mean[1], zero, zero, zero, zero], covariance }
     }
+
+    /// Puts below the diagonal what stands above it.
+    #[inline(always)]
+    fn mirror(&mut self) {
+        let p = &mut self.covariance;
+        [_, p[1][0], p[2][0], p[3][0], p[4][0], p[5][0]] = p[0];
+        [_, _, p[2][1], p[3][1], p[4][1], p[5][1]] = p[1];
+        [_, _, _, p[3][2], p[4][2], p[5][2]] = p[2];
+        [_, _, _, _, p[4][3], p[5][3]] = p[3];
+        [_, _, _, _, _, p[5][4]] = p[4];
+    }
 }
 
 impl<T: RealField + Copy> Kernel<T> for ColouredGaussian<T> {
@@ -208,24 +217,15 @@ impl<T: RealField + Copy> Kernel<T> for ColouredGaussian<T> {
     }
 
     fn predict(&mut self, model: &ColouredModel<T>) {
-        self.mean = model.transition(&self.mean);
+        self.mean = model.transition(self.mean);
         // P is symmetric: the rows of P Φᵀ are Φ applied to the rows of P; once more over the columns gives
         // Φ P Φᵀ.
-        let half = self.covariance.map(|row| model.transition(&row));
-        let mut columns = [[T::zero(); STATES]; STATES];
-        for (i, row) in half.iter().enumerate() {
-            for (column, x) in columns.iter_mut().zip(row) {
-                column[i] = *x;
-            }
+        let half = self.covariance.map(|row| model.transition(row));
+        for (i, (row, noise)) in self.covariance.iter_mut().zip(&model.noise).enumerate() {
+            let full = model.transition(each!(|k| half[k][i]; 0 1 2 3 4 5));
+            *row = each!(|j| full[j] + noise[j]; 0 1 2 3 4 5);
         }
-        let full = columns.map(|column| model.transition(&column));
-        for i in 0..STATES {
-            for j in i..STATES {
-                let p = full[i][j] + model.noise[i][j];
-                self.covariance[i][j] = p;
-                self.covariance[j][i] = p;
-            }
-        }
+        self.mirror();
     }
 
     #[inline]
@@ -233,37 +233,25 @@ impl<T: RealField + Copy> Kernel<T> for ColouredGaussian<T> {
         let first = self.covariance[0];
         let inverse = select(used, innovation.variance.recip(), T::zero());
         let value = select(used, innovation.value, T::zero());
-        let gain = first.map(|p| p * inverse);
-        for (x, k) in self.mean.iter_mut().zip(gain) {
-            *x += k * value;
-        }
+        let gain = each!(|i| first[i] * inverse; 0 1 2 3 4 5);
+        self.mean = each!(|i| self.mean[i] + gain[i] * value; 0 1 2 3 4 5);
         // Joseph form, as for four states.
         let uncertain = T::one() - certain::<T>();
         let left = select(used, innovation.noise * inverse, T::one());
-        for j in 0..STATES {
-            let p = first[j] * left;
-            self.covariance[0][j] = p;
-            self.covariance[j][0] = p;
-        }
-        for i in 1..STATES {
-            let excess = gain[i] * innovation.variance - first[i];
-            for j in i..STATES {
-                let p = self.covariance[i][j] + gain[j] * excess - gain[i] * first[j];
-                self.covariance[i][j] = p;
-                self.covariance[j][i] = p;
-            }
+        for ((row, &k), &p) in self.covariance.iter_mut().zip(&gain).zip(&first) {
+            let excess = k * innovation.variance - p;
+            *row = each!(|j| row[j] + gain[j] * excess - k * first[j]; 0 1 2 3 4 5);
         }
         for i in 1..STATES {
             self.covariance[i][i] += uncertain * gain[i] * first[i];
         }
+        self.covariance[0] = each!(|j| first[j] * left; 0 1 2 3 4 5);
+        self.mirror();
     }
 
     #[inline]
     fn is_sound(&self) -> bool {
-        let mut variances = [T::zero(); STATES];
-        for (i, (variance, row)) in variances.iter_mut().zip(&self.covariance).enumerate() {
-            *variance = row[i];
-        }
+        let variances = each!(|i| self.covariance[i][i]; 0 1 2 3 4 5);
         let finite = are_finite(self.mean.iter().chain(&variances));
         variances.iter().fold(finite, |sound, &p| sound & (p > T::zero()))
     }

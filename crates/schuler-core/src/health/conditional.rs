@@ -6,6 +6,7 @@
 use nalgebra::RealField;
 
 use super::span::Span;
+use crate::number::each;
 use crate::saved::{Blank, saved};
 
 /// Gaussian of X given one mode.
@@ -100,36 +101,31 @@ impl<T: RealField + Copy> Conditional<T> {
     /// First two moments of a mixture; the weights sum to one [HLT-5].
     #[inline]
     pub(super) fn merged(components: &[(T, Self)]) -> Self {
-        let mut merged = Self { mean: [T::zero(); 4], covariance: [T::zero(); 10] };
+        let (mut mean, mut covariance) = ([T::zero(); 4], [T::zero(); 10]);
         for (weight, component) in components {
-            for (mean, term) in merged.mean.iter_mut().zip(component.mean) {
-                *mean += *weight * term;
-            }
+            mean = each!(|i| mean[i] + *weight * component.mean[i]; 0 1 2 3);
         }
         for (weight, component) in components {
-            let mut d = component.mean;
-            for (d, mean) in d.iter_mut().zip(merged.mean) {
-                *d -= mean;
-            }
-            let [d0, d1, d2, d3] = d;
+            let [d0, d1, d2, d3] = each!(|i| component.mean[i] - mean[i]; 0 1 2 3);
             let spread =
                 [d0 * d0, d0 * d1, d0 * d2, d0 * d3, d1 * d1, d1 * d2, d1 * d3, d2 * d2, d2 * d3, d3 * d3];
-            for ((sum, term), spread) in merged.covariance.iter_mut().zip(component.covariance).zip(spread) {
-                *sum += *weight * (term + spread);
-            }
+            let term = &component.covariance;
+            covariance = each!(|i| covariance[i] + *weight * (term[i] + spread[i]); 0 1 2 3 4 5 6 7 8 9);
         }
-        merged
+        Self { mean, covariance }
     }
 
     /// False if any element is NaN or infinite or a variance is negative.
     pub(super) fn is_sound(&self) -> bool {
-        let sum = self.mean.iter().chain(&self.covariance).fold(T::zero(), |sum, x| sum + x.abs());
-        let [p00, _, _, _, p11, _, _, p22, _, p33] = self.covariance;
-        sum.is_finite()
-            && (p00 >= T::zero())
-            && (p11 >= T::zero())
-            && (p22 >= T::zero())
-            && (p33 >= T::zero())
+        let [x0, x1, x2, x3] = self.mean;
+        let [p00, p01, p02, p03, p11, p12, p13, p22, p23, p33] = self.covariance;
+        let sum = x0.abs() + x1.abs() + x2.abs() + x3.abs();
+        let sum = sum + p01.abs() + p02.abs() + p03.abs() + p12.abs() + p13.abs() + p23.abs();
+        (sum + p00 + p11 + p22 + p33).is_finite()
+            & (p00 >= T::zero())
+            & (p11 >= T::zero())
+            & (p22 >= T::zero())
+            & (p33 >= T::zero())
     }
 }
 
@@ -143,15 +139,13 @@ impl<T: RealField + Copy> Prediction<T> {
         let (lambda, residual_variance) = (self.lambda, self.residual_variance);
         let [mut h0, h1, h2, h3] = self.cross;
         h0 += level_noise;
-        let gain = [h0, h1, h2, h3].map(|h| h * inverse_variance);
-        let [k0, k1, k2, k3] = gain;
+        let [k0, k1, k2, k3] =
+            [h0 * inverse_variance, h1 * inverse_variance, h2 * inverse_variance, h3 * inverse_variance];
         let [p00, p01, p02, p03, p11, p12, p13, p22, p23, p33] = self.estimate.covariance;
         let p00 = p00 + level_noise;
 
-        let mut mean = self.estimate.mean;
-        for (mean, gain) in mean.iter_mut().zip(gain) {
-            *mean += gain * innovation;
-        }
+        let [x0, x1, x2, x3] = self.estimate.mean;
+        let mean = [x0 + k0 * innovation, x1 + k1 * innovation, x2 + k2 * innovation, x3 + k3 * innovation];
         // A = (I − K H) P, not symmetric; then A (I − K H)ᵀ + K Rq Kᵀ = A + (Rq K − A Hᵀ) Kᵀ.
         let (a00, a01, a02, a03) = (p00 - k0 * h0, p01 - k0 * h1, p02 - k0 * h2, p03 - k0 * h3);
         let (a10, a11, a12, a13) = (p01 - k1 * h0, p11 - k1 * h1, p12 - k1 * h2, p13 - k1 * h3);

@@ -125,18 +125,23 @@ impl<T: RealField + Copy, const LEVELS: usize> Recursion<T, LEVELS> {
         // Likelihoods relative to the best path's, so that they cannot all vanish.
         let limit = T::max_value().unwrap_or(self.gate_squared);
         let better = |q: T, path: &Path<T>| select((path.prior > T::zero()) & (path.q < q), path.q, q);
-        let best = fans.iter().flatten().flatten().flat_map(|fan| &fan.paths).fold(limit, better);
+        let mut best = limit;
+        for fan in fans.as_flattened().as_flattened() {
+            best = fan.paths.iter().fold(best, better);
+        }
         let out_of_model = present && (best > self.gate_squared);
         let usable = present && !out_of_model;
         let half = convert::<f64, T>(0.5);
         let (shift, worst) = (convert::<f64, T>(EXPONENT_SHIFT), convert::<f64, T>(WORST));
         let mut total = T::zero();
-        for path in fans.iter_mut().flatten().flatten().flat_map(|fan| &mut fan.paths) {
-            let worse = select(path.q > best, path.q - best, T::zero());
-            let worse = select(worse < worst, worse, worst);
-            let fit = (-half * worse - shift).exp() * path.inverse_variance.sqrt();
-            path.posterior = path.prior * select(usable, fit, T::one());
-            total += path.posterior;
+        for fan in fans.as_flattened_mut().as_flattened_mut() {
+            for path in &mut fan.paths {
+                let worse = select(path.q > best, path.q - best, T::zero());
+                let worse = select(worse < worst, worse, worst);
+                let fit = (-half * worse - shift).exp() * path.inverse_variance.sqrt();
+                path.posterior = path.prior * select(usable, fit, T::one());
+                total += path.posterior;
+            }
         }
 
         let per_total = T::one() / total;
@@ -217,7 +222,7 @@ fn merge<T: RealField + Copy, const LEVELS: usize>(
 ) -> (T, Conditional<T>) {
     let mut share = T::zero();
     let mut prior = T::zero();
-    for fan in fans.iter().flatten() {
+    for fan in fans.as_flattened() {
         share += fan.paths[level].posterior * per_total;
         prior += fan.paths[level].prior;
     }
@@ -239,15 +244,15 @@ fn merge<T: RealField + Copy, const LEVELS: usize>(
 fn residual_prediction<T: RealField + Copy, const LEVELS: usize>(
     fans: &[PerMode<Fan<T, LEVELS>, LEVELS>; 2],
 ) -> (T, T) {
-    let fans = || fans.iter().flatten().flatten();
+    let fans = fans.as_flattened().as_flattened();
     let mut mean = T::zero();
-    for fan in fans() {
+    for fan in fans {
         for path in &fan.paths {
             mean += path.prior * fan.prediction.residual;
         }
     }
     let mut variance = T::zero();
-    for fan in fans() {
+    for fan in fans {
         let spread = fan.prediction.residual - mean;
         for path in &fan.paths {
             variance += path.prior * (fan.prediction.variance + path.level_noise + spread * spread);

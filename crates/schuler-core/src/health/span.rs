@@ -80,30 +80,33 @@ impl<T: RealField + Copy, const LEVELS: usize> Span<T, LEVELS> {
     fn then(&self, next: &Self) -> Self {
         let (t, two) = (next.duration, T::one() + T::one());
         let ([xx, xm, mm], [nxx, nxm, nmm]) = (self.inertial_noise, next.inertial_noise);
-        let jump_transition = product(&self.jump_transition, &next.jump_transition);
-        let kept = self.unbroken * self.jump_transition[1][1] * next.unbroken * next.jump_transition[1][1];
-        let level_transition = product(&self.level_transition, &next.level_transition);
+        let [[p00, p01], [p10, p11]] = self.jump_transition;
+        let [[n00, n01], [n10, n11]] = next.jump_transition;
+        let jump_transition =
+            [[p00 * n00 + p01 * n10, p00 * n01 + p01 * n11], [p10 * n00 + p11 * n10, p10 * n01 + p11 * n11]];
+        let kept = self.unbroken * p11 * next.unbroken * n11;
         let decay = next.correlation * next.correlation;
-        let noise_on_paths: [[T; LEVELS]; LEVELS] = array::from_fn(|from| {
-            array::from_fn(|to| {
-                let mut noise = T::zero();
+        let mut level_transition = [[T::zero(); LEVELS]; LEVELS];
+        let mut level_noise = level_transition;
+        for from in 0..LEVELS {
+            for to in 0..LEVELS {
+                let (mut all, mut noise) = (T::zero(), T::zero());
                 for by in 0..LEVELS {
-                    noise += self.level_transition[from][by]
-                        * next.level_transition[by][to]
-                        * (decay * self.level_noise[from][by] + next.level_noise[by][to]);
+                    let path = self.level_transition[from][by] * next.level_transition[by][to];
+                    all += path;
+                    noise += path * (decay * self.level_noise[from][by] + next.level_noise[by][to]);
                 }
-                noise
-            })
-        });
+                level_transition[from][to] = all;
+                level_noise[from][to] = ratio_or_zero(noise, all);
+            }
+        }
         Self {
             correlation: self.correlation * next.correlation,
             duration: self.duration + t,
             inertial_noise: [xx + t * (two * xm + t * mm) + nxx, xm + t * mm + nxm, mm + nmm],
             unbroken: ratio_or_zero(kept, jump_transition[1][1]),
             jump_transition,
-            level_noise: array::from_fn(|from| {
-                array::from_fn(|to| ratio_or_zero(noise_on_paths[from][to], level_transition[from][to]))
-            }),
+            level_noise,
             level_transition,
         }
     }
@@ -145,21 +148,6 @@ fn normalised<T: RealField + Copy, const COLUMNS: usize>(row: [T; COLUMNS]) -> [
 
 fn identity<T: RealField + Copy, const SIZE: usize>() -> [[T; SIZE]; SIZE] {
     array::from_fn(|row| array::from_fn(|column| if row == column { T::one() } else { T::zero() }))
-}
-
-fn product<T: RealField + Copy, const SIZE: usize>(
-    left: &[[T; SIZE]; SIZE],
-    right: &[[T; SIZE]; SIZE],
-) -> [[T; SIZE]; SIZE] {
-    left.map(|row| {
-        let mut out = [T::zero(); SIZE];
-        for (factor, right_row) in row.iter().zip(right) {
-            for (out, &term) in out.iter_mut().zip(right_row) {
-                *out += *factor * term;
-            }
-        }
-        out
-    })
 }
 
 /// 0 where the denominator is 0: a transition that does not exist.

@@ -7,7 +7,7 @@
 
 use super::window::{DECIMATION, MeasurementWindow, Sample};
 use crate::filter::{DiscreteModel, FilterConfig, Gaussian, Kernel, MarkovNoise};
-use crate::number::select;
+use crate::number::{each, select};
 use crate::saved::saved;
 
 /// Correlation times per channel on the grid.
@@ -49,6 +49,57 @@ struct Part {
 struct Member {
     state: Gaussian<f32>,
     log_weight: f32,
+}
+
+/// What there is to do for a member.
+struct Work {
+    /// Mean of the sample's velocities, m/s, and its variance, (m/s)²; whether there are any.
+    velocity: f32,
+    variance: f32,
+    present: bool,
+    /// Whether it counts; it is done all the same.
+    counts: bool,
+}
+
+impl Member {
+    /// Takes a sample, and adds to the sums over the bank, of which the mean so far and the greatest log-weight before are
+    /// given. One function for banks of any size.
+    #[inline(never)]
+    fn work(
+        &mut self,
+        work: &Work,
+        model: &DiscreteModel<f32>,
+        noise: &ChannelNoise,
+        (reference, greatest): (&[f32; 4], f32),
+        sums: &mut Sums,
+    ) {
+        let Work { velocity, variance, present, counts } = *work;
+        let mut in_vain = *self;
+        let member = select(counts, self, &mut in_vain);
+        member.state.predict(model);
+        let innovation = member.state.innovation(velocity, variance);
+        member.state.correct(&innovation, present);
+        let gained = select(present, innovation.log_likelihood(), 0.0);
+        // A member that has lost its footing weighs nothing from then on.
+        let relative = member.log_weight - greatest + gained;
+        let sound = member.state.is_sound();
+        member.log_weight = select(sound, relative.max(FLOOR), FLOOR);
+
+        let sound = sound & counts;
+        let weight = select(sound, libm::expf(member.log_weight), 0.0);
+        let parameters = noise.logarithms();
+        sums.weight += weight;
+        let (mean, variances) = (member.state.mean, member.state.variances());
+        let away = each!(|i| mean[i] - reference[i]; 0 1 2 3);
+        let (first, second, logarithms) = (sums.first, sums.second, sums.log_parameters);
+        sums.first = each!(|i| first[i] + select(sound, weight * away[i], 0.0); 0 1 2 3);
+        sums.second =
+            each!(|i| second[i] + select(sound, weight * (variances[i] + away[i] * away[i]), 0.0); 0 1 2 3);
+        sums.log_parameters = each!(|i| logarithms[i] + weight * parameters[i]; 0 1 2 3);
+        let better = counts & (member.log_weight > sums.greatest);
+        sums.greatest = select(better, member.log_weight, sums.greatest);
+        sums.best = select(better, parameters, sums.best);
+    }
 }
 
 /// Mean and covariance of the whole bank, and where its posterior lies.
@@ -216,39 +267,22 @@ impl<const L: usize, const M: usize> FilterBank<L, M> {
         &self.mixture
     }
 
+    /// Does the work of so many members, which counts for nothing.
+    pub fn work_in_vain(&mut self, members: usize, variance_of_one: f32) {
+        for index in 0..members {
+            self.work_member(index, Sample::default(), variance_of_one, false);
+        }
+    }
+
+    #[inline]
     fn work_member(&mut self, index: usize, sample: Sample, variance_of_one: f32, counts: bool) {
         let noise = self.noise(index);
         let model = self.model(index, &noise);
-        let reference = self.mixture.mean;
-        let greatest = self.greatest;
-        let Some(slot) = self.members.get_mut(index) else { return };
-        let mut member = *slot;
-        member.state.predict(&model);
-        let innovation = member.state.innovation(sample.mean, sample.variance(variance_of_one));
-        let present = sample.is_present();
-        member.state.correct(&innovation, present);
-        let gained = select(present, innovation.log_likelihood(), 0.0);
-        // A member that has lost its footing weighs nothing from then on.
-        let relative = member.log_weight - greatest + gained;
-        let sound = member.state.is_sound();
-        member.log_weight = select(sound, relative.max(FLOOR), FLOOR);
-        *slot = *select(counts, &member, slot);
-
-        let sound = sound & counts;
-        let weight = select(sound, libm::expf(member.log_weight), 0.0);
-        let parameters = noise.logarithms();
-        let sums = &mut self.sums;
-        sums.weight += weight;
-        let variances = member.state.variances();
-        for i in 0..4 {
-            let away = member.state.mean[i] - reference[i];
-            sums.first[i] += select(sound, weight * away, 0.0);
-            sums.second[i] += select(sound, weight * (variances[i] + away * away), 0.0);
-            sums.log_parameters[i] += weight * parameters[i];
-        }
-        let better = counts & (member.log_weight > sums.greatest);
-        sums.greatest = select(better, member.log_weight, sums.greatest);
-        sums.best = select(better, parameters, sums.best);
+        let variance = sample.variance(variance_of_one);
+        let Some(member) = self.members.get_mut(index) else { return };
+        let relative_to = (&self.mixture.mean, self.greatest);
+        let work = Work { velocity: sample.mean, variance, present: sample.is_present(), counts };
+        member.work(&work, &model, &noise, relative_to, &mut self.sums);
     }
 
     fn complete(&mut self) {

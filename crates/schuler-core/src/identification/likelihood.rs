@@ -328,6 +328,10 @@ impl LikelihoodIdentifier {
             let mixture = carried(filter, narrow.mixture().mean, middle_to_end(filter));
             self.correction = difference(mixture, self.at_sample);
         }
+        if self.active.is_none() {
+            // There will be a narrow bank.
+            self.wide.work_in_vain(NARROW / PARTS, variance_of_one);
+        }
         self.work(filter, config)
     }
 
@@ -397,25 +401,24 @@ impl LikelihoodIdentifier {
             Phase::ReadOut { pass } => {
                 let spare = self.spare();
                 let read_out = self.places.get_mut(spare).and_then(Place::read_out)?;
-                let take = |index, state: &Gaussian<f32>, counts| read_out.take(index, state, counts);
-                if self.replay.advance(&self.window, READ_OUT_SAMPLES, take) {
+                if self.replay.advance(&self.window, READ_OUT_SAMPLES, Some(read_out)) {
                     self.next_pass(filter, pass + 1);
                 }
             }
             Phase::Fit { channel } => self.fit(filter, config, channel),
             Phase::Search { .. } | Phase::Check { .. } | Phase::Probe { .. } | Phase::Populate { .. } => {
-                if self.replay.advance(&self.window, REPLAY_SAMPLES, |_, _, _| ()) {
+                if self.replay.advance(&self.window, REPLAY_SAMPLES, None) {
                     self.evaluated(filter, config);
                 }
             }
             Phase::Coloured { channel, scan } => {
-                if self.coloured_replay.advance(&self.window, COLOURED_SAMPLES, |_, _, _| ()) {
+                if self.coloured_replay.advance(&self.window, COLOURED_SAMPLES, None) {
                     self.coloured_evaluated(filter, config, channel, scan);
                 }
             }
             Phase::CatchUp => {
                 self.coloured_replay.extend_to(self.window.completed());
-                let there = self.coloured_replay.advance(&self.window, COLOURED_SAMPLES, |_, _, _| ());
+                let there = self.coloured_replay.advance(&self.window, COLOURED_SAMPLES, None);
                 let there = there || self.coloured.is_none();
                 let spare = self.spare();
                 let variance_of_one = filter.velocity_noise * filter.velocity_noise;
@@ -444,7 +447,7 @@ impl LikelihoodIdentifier {
             // The step's work is done all the same, and counts for nothing: the worst case is the only case.
             let samples = select(self.laid, REPLAY_SAMPLES - LAYING_SAMPLES, REPLAY_SAMPLES);
             self.laid = false;
-            if self.replay.advance(&self.window, samples, |_, _, _| ()) {
+            if self.replay.advance(&self.window, samples, None) {
                 self.stretch = self.whole_window();
                 let in_use = self.in_use;
                 self.evaluate(filter, &in_use);

@@ -7,7 +7,7 @@
 use super::structure::{
     EXPONENTIAL_FLOOR, Exponential, ExponentialCosine, fit_exponential, fit_exponential_cosine,
 };
-use crate::filter::{Gaussian, Kernel};
+use crate::filter::Kernel;
 use crate::saved::saved;
 
 /// Lags of the autocorrelation, the zeroth included.
@@ -86,13 +86,13 @@ impl ReadOut {
 
     /// Takes the state after sample `index`, if it `counts`.
     #[inline]
-    pub fn take(&mut self, index: u32, state: &Gaussian<f32>, counts: bool) {
+    pub fn take(&mut self, index: u32, state: &impl Kernel<f32>, counts: bool) {
         let counts = counts && index >= self.first;
         let weight = if counts { 1.0 } else { 0.0 };
         self.count += u32::from(counts);
         let start = (self.pass as usize % PASSES) * LAGS_PER_PASS;
-        let variances = state.variances();
-        let estimates = [(state.mean[2], variances[2]), (state.mean[3], variances[3])];
+        let (mean, variances) = (state.mean(), state.variances());
+        let estimates = [(mean[2], variances[2]), (mean[3], variances[3])];
         for (channel, (estimate, variance)) in self.channels.iter_mut().zip(estimates) {
             let at = index as usize;
             let estimate = weight * estimate;

@@ -4,11 +4,12 @@
 //! slices, so that each step of the flight module does the same bounded work.
 
 use super::bank::ChannelNoise;
+use super::read_out::ReadOut;
 use super::window::{DECIMATION, MeasurementWindow};
 use crate::filter::{
     ColouredGaussian, ColouredModel, ColouredNoise, DiscreteModel, FilterConfig, Gaussian, Kernel,
 };
-use crate::number::CompensatedSum;
+use crate::number::{CompensatedSum, select};
 use crate::saved::{Blank, saved};
 
 /// Spread of the velocity error about the first sample where a window does not begin at power-on, m/s.
@@ -139,30 +140,33 @@ impl<H: Hypothesis> Replay<H> {
         self.end = end;
     }
 
-    /// Replays up to `samples` more; `after_each` sees the index and the state after every one, and whether it
-    /// counts. True at the end.
+    /// Replays up to `samples` more, of which a read-out takes the states. True at the end.
     ///
-    /// The work is that of `samples` samples, however few are left: past the end nothing that is computed counts.
-    #[inline]
+    /// The work is that of `samples` samples, however few are left: past the end nothing that is computed counts. It is one
+    /// function for every phase of an identification, so that a sample takes the same work in each, and the image holds it once.
+    #[inline(never)]
     pub fn advance(
         &mut self,
         window: &MeasurementWindow,
         samples: u32,
-        mut after_each: impl FnMut(u32, &H::Kernel, bool),
+        mut read_out: Option<&mut ReadOut>,
     ) -> bool {
         let Some((model, state)) = &mut self.filter else { return false };
+        // What is computed past the end goes here: to copy a state back would take longer than not to.
+        let mut in_vain = *state;
         for _ in 0..samples {
             let counts = self.cursor < self.end;
             let sample = window.sample(self.cursor);
-            let mut next = *state;
-            next.predict(model);
-            let innovation = next.innovation(sample.mean, sample.variance(self.variance_of_one));
+            let state = select(counts, &mut *state, &mut in_vain);
+            state.predict(model);
+            let innovation = state.innovation(sample.mean, sample.variance(self.variance_of_one));
             let present = sample.is_present();
-            next.correct(&innovation, present);
+            state.correct(&innovation, present);
             let gained = innovation.log_likelihood();
-            self.log_likelihood.add(if counts && present { gained } else { 0.0 });
-            after_each(self.cursor, &next, counts);
-            *state = if counts { next } else { *state };
+            self.log_likelihood.add(select(counts & present, gained, 0.0));
+            if let Some(read_out) = &mut read_out {
+                read_out.take(self.cursor, state, counts);
+            }
             self.cursor += u32::from(counts);
         }
         self.cursor >= self.end

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::features::{Coefficient, CompensationStatus, FEATURES, FeatureMap, ThermalState, at};
 use crate::config::{ConfigError, Problem};
+use crate::number::each;
 use crate::saved::saved;
 
 /// Version of the coefficient block that this code understands.
@@ -157,7 +158,8 @@ impl TriadCoefficients {
     }
 
     fn at(&self, phi: &Coefficient) -> Triad {
-        let m = self.matrix.map(|row| row.map(|c| at(&c, phi)));
+        let m = &self.matrix;
+        let m = each!(|i| each!(|j| at(&m[i][j], phi); 0 1 2); 0 1 2);
         let [[a, b, c], [d, e, f], [g, h, i]] = m;
         let (a, e, i) = (1.0 + a, 1.0 + e, 1.0 + i);
         // Adjugate and determinant of I + M; the determinant is above one half by the check of the block.
@@ -167,12 +169,10 @@ impl TriadCoefficients {
             [d * h - e * g, b * g - a * h, a * e - b * d],
         ];
         let determinant = a * adjugate[0][0] + b * adjugate[1][0] + c * adjugate[2][0];
-        let column = |j: usize| [adjugate[0][j], adjugate[1][j], adjugate[2][j]];
-        let inverse = [column(0), column(1), column(2)];
-        let shrink = m.map(|row| {
-            inverse.map(|column| (row[0] * column[0] + row[1] * column[1] + row[2] * column[2]) / determinant)
-        });
-        Triad { bias: self.bias.map(|c| at(&c, phi)), shrink }
+        let shrink = each!(|i| each!(|j| {
+            (m[i][0] * adjugate[0][j] + m[i][1] * adjugate[1][j] + m[i][2] * adjugate[2][j]) / determinant
+        }; 0 1 2); 0 1 2);
+        Triad { bias: each!(|i| at(&self.bias[i], phi); 0 1 2), shrink }
     }
 }
 
@@ -180,9 +180,8 @@ impl Triad {
     fn apply(&self, measured: [f64; 3]) -> [f64; 3] {
         let [x, y, z] = measured;
         let [bx, by, bz] = self.bias.map(f64::from);
-        let free = [x - bx, y - by, z - bz];
+        let [x, y, z] = [x - bx, y - by, z - bz];
         let [[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]] = self.shrink.map(|row| row.map(f64::from));
-        let [x, y, z] = free;
         [x - (xx * x + xy * y + xz * z), y - (yx * x + yy * y + yz * z), z - (zx * x + zy * y + zz * z)]
     }
 
