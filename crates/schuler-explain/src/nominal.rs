@@ -279,57 +279,58 @@ impl Model {
     }
 
     fn add_loop(&mut self, recording: &Recording, masked: &[Vec<bool>]) {
-        let (velocities, others): (Vec<_>, Vec<_>) = (recording.sensors.iter().enumerate())
-            .partition(|(_, series)| series.sensor.kind == SensorKind::InsVelocity);
+        let velocity =
+            recording.sensors.iter().position(|series| series.sensor.kind == SensorKind::InsVelocity);
+        let others = (recording.sensors.iter().enumerate()).filter(|(index, _)| Some(*index) != velocity);
+        let others: Vec<&str> = others.map(|(_, series)| series.sensor.id.as_str()).collect();
         if !others.is_empty() {
-            let names: Vec<_> = others.iter().map(|(_, series)| series.sensor.id.as_str()).collect();
-            self.notes.push(format!("not checked in a velocity-error case: {}", names.join(", ")));
+            self.notes.push(format!("not checked in a velocity-error case: {}", others.join(", ")));
         }
-        for (index, series) in velocities {
-            let own = own_part(recording, index);
-            let data: Vec<f64> = (series.values.iter().zip(&own).enumerate())
-                .map(|(row, (value, own))| {
-                    let hidden =
-                        masked.get(index).and_then(|rows| rows.get(row)).is_some_and(|&hidden| hidden);
-                    if hidden { f64::NAN } else { value - own }
-                })
-                .collect();
-            let given = recording.case.schuler_loop.unwrap_or_default();
-            let mut nominal = Noise::nominal(&series.sensor.nominal, series.sensor.quantisation);
-            nominal.white = if given.velocity_white > 0.0 { given.velocity_white } else { nominal.white };
-            let noise = |markov: Option<schuler_recording::case::Markov>| Noise {
-                markov: markov.into_iter().filter(|part| part.sigma > 0.0).collect(),
-                ..Noise::default()
-            };
-            let inertial = [
-                ("accelerometer", Port::Accelerometer, noise(given.accelerometer), Dimension::Acceleration),
-                ("gyro", Port::Gyro, noise(given.gyro), Dimension::AngularRate),
-            ];
-            let first = self.sources.len();
-            self.sources.push(Source {
-                name: "velocity".to_owned(),
-                sensor: index,
-                port: Port::Output,
-                unknown: nominal.is_none(),
-                nominal,
-                unit: series.written_unit,
-            });
-            for (name, port, nominal, dimension) in inertial {
-                self.sources.push(Source {
-                    name: name.to_owned(),
-                    sensor: index,
-                    port,
-                    unknown: false,
-                    nominal,
-                    unit: dimension.si_unit(),
-                });
-            }
-            let start = data.iter().copied().find(|value| value.is_finite()).unwrap_or_default();
-            let step = SchulerStep::new(given.gravity, given.radius_m, recording.step_s, start);
-            self.add_block(vec![index], vec![first, first + 1, first + 2], 1, data, Geometry::Loop(step));
+        let Some(index) = velocity else {
+            self.notes.push("a velocity-error case needs a sensor of kind ins_velocity".to_owned());
             return;
+        };
+        let series = &recording.sensors[index];
+        let own = own_part(recording, index);
+        let data: Vec<f64> = (series.values.iter().zip(&own).enumerate())
+            .map(|(row, (value, own))| {
+                let hidden = masked.get(index).and_then(|rows| rows.get(row)).is_some_and(|&hidden| hidden);
+                if hidden { f64::NAN } else { value - own }
+            })
+            .collect();
+        let given = recording.case.schuler_loop.unwrap_or_default();
+        let mut nominal = Noise::nominal(&series.sensor.nominal, series.sensor.quantisation);
+        nominal.white = if given.velocity_white > 0.0 { given.velocity_white } else { nominal.white };
+        let noise = |markov: Option<schuler_recording::case::Markov>| Noise {
+            markov: markov.into_iter().filter(|part| part.sigma > 0.0).collect(),
+            ..Noise::default()
+        };
+        let inertial = [
+            ("accelerometer", Port::Accelerometer, noise(given.accelerometer), Dimension::Acceleration),
+            ("gyro", Port::Gyro, noise(given.gyro), Dimension::AngularRate),
+        ];
+        let first = self.sources.len();
+        self.sources.push(Source {
+            name: "velocity".to_owned(),
+            sensor: index,
+            port: Port::Output,
+            unknown: nominal.is_none(),
+            nominal,
+            unit: series.written_unit,
+        });
+        for (name, port, nominal, dimension) in inertial {
+            self.sources.push(Source {
+                name: name.to_owned(),
+                sensor: index,
+                port,
+                unknown: false,
+                nominal,
+                unit: dimension.si_unit(),
+            });
         }
-        self.notes.push("a velocity-error case needs a sensor of kind ins_velocity".to_owned());
+        let start = data.iter().copied().find(|value| value.is_finite()).unwrap_or_default();
+        let step = SchulerStep::new(given.gravity, given.radius_m, recording.step_s, start);
+        self.add_block(vec![index], vec![first, first + 1, first + 2], 1, data, Geometry::Loop(step));
     }
 
     fn add_block(

@@ -230,7 +230,9 @@ impl<'c> Bench<'c> {
     /// Whether most of what each effect gains is its own, and would be left were the sizes of the others free.
     fn tells_apart(&self, effects: &[Sized]) -> bool {
         let mut scenario = self.setting.scenario.clone();
-        effects.iter().for_each(|it| (it.concealed.inject)(&mut scenario, it.size));
+        for it in effects {
+            (it.concealed.inject)(&mut scenario, it.size);
+        }
         let mask = oracle::mask(&scenario.gaps, self.setting.scenario.step_s, self.rows);
         let mut white = vec![Vec::new(); effects.len()];
         for view in oracle::views(&self.setting, |id| self.setting.noise_of(id)) {

@@ -142,7 +142,9 @@ pub fn own_shares(white: &[Vec<f64>]) -> Vec<f64> {
         let (mut own, mut others) = (white[j].clone(), Vec::<Vec<f64>>::new());
         for (_, other) in white.iter().enumerate().filter(|(k, _)| *k != j) {
             let mut other = other.clone();
-            others.iter().for_each(|along| project_out(&mut other, along));
+            for along in &others {
+                project_out(&mut other, along);
+            }
             project_out(&mut own, &other);
             others.push(other);
         }
