@@ -116,3 +116,16 @@ def allan(values, factor):
 
 def slope(values, step):
     return stats.linregress(np.arange(len(values)) * step, values)
+
+
+def level_changes(values, length):
+    """Places and sizes of changes between neighbouring means of `length` values that Gaussian noise of any spectrum would hardly
+    show: beyond the quantile of 0.1 % for all of them, in standard deviations by the median. Largest first."""
+    rows = len(values) // length * length
+    change = np.diff(np.reshape(values[:rows], (-1, length)).mean(axis=1))
+    sigma = np.median(np.abs(change - np.median(change))) / stats.norm.ppf(0.75)
+    # Readings of few steps may have no spread at all.
+    sigma = max(sigma, np.std(change) / 10)
+    order = np.argsort(-np.abs(change))
+    beyond = sigma * stats.norm.isf(0.5e-3 / len(change))
+    return [((k + 1) * length, float(change[k])) for k in order if abs(change[k]) > beyond]

@@ -1,13 +1,14 @@
 """Static MEMS: noise structure by Whittle likelihood, lines in the spectrum, against the nominal white level.
 
 Nothing is known here but noise: no temperature was recorded. So the only right names are those of noise structure, a line
-where one stands out, and a slow drift where a random walk or long Markov process does as well.
+where one stands out, jumps where the level changes more than Gaussian noise does, and a slow drift where a random walk or long
+Markov process does as well.
 """
 
 import numpy as np
 import pandas as pd
 from common import DATA, STANDARD_GRAVITY, Report
-from spectrum import allan, strongest_line, structures
+from spectrum import allan, level_changes, strongest_line, structures
 
 COUNTS = [8.726646e-4] * 3 + [0.0326561] * 3
 
@@ -58,10 +59,14 @@ def main():
                     k += 3
             report.allow(case, name, "noise_white", "noise_markov", "noise_random_walk", "noise_flicker",
                          "noise_angle_quantisation", "noise_variance_step", "noise_exp_cos", "noise_outliers")
+            # Ten seconds are above the line's period and below all slow parts.
+            jumps = len(level_changes(column, round(10 / step)))
+            if jumps:
+                report.allow(case, name, "intermittent_jump", "bias_step")
             # A slow part is as well a drift over the record; a wandering one has steps.
             if structure != "white":
                 report.allow(case, name, "bias_drift_linear", "bias_warmup", "bias_step")
-            report.remark(case, f"{name}: {structure}{' + line' if extra else ''}, "
+            report.remark(case, f"{name}: {structure}{' + line' if extra else ''}, level changes: {jumps}, "
                           f"Allan deviation {[float(f'{allan(column, m):.2g}') for m in (1, 10, 100, 1000)]} {unit}")
     report.print()
 

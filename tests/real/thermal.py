@@ -9,7 +9,7 @@ for paid by half the logarithm of the rows and the logarithm of the number of va
 import numpy as np
 import pandas as pd
 from common import DATA, Fit, Report
-from spectrum import allow_line
+from spectrum import allow_line, level_changes
 
 ORDER = 6
 # Descriptions whose likelihoods differ by less are not told apart.
@@ -100,6 +100,15 @@ def main():
         readings = {f"g{a}": np.rad2deg(values[:, 5 + k]) for k, a in enumerate("xyz")}
         readings |= {f"a{a}": 4000 * values[:, 2 + k] for k, a in enumerate("xyz")}
         units = {name: "deg/s" if name[0] == "g" else "mg" for name in readings}
+        # A level that changes within a tenth of a second is no temperature's doing.
+        for name, y in readings.items():
+            for k, size in level_changes(y, 1)[:1]:
+                report.allow(f"mems_hot_cold/{log}", name, "bias_step", "intermittent_jump")
+                before, after = y[max(k - 10, 0) : k], y[k : k + 10]
+                sigma = np.hypot(np.std(before), np.std(after)) / min(len(before), len(after)) ** 0.5
+                report.estimate(f"mems_hot_cold/{log}", name, "bias_step", "coefficient", after.mean() - before.mean(),
+                                sigma, units[name], onset_s=k / 10)
+                report.remark(f"mems_hot_cold/{log}", f"{name}: level changes by {size:.4g} {units[name]} at {k / 10} s")
         # Lines are looked for at the full rate, about 50 Hz.
         full = table.to_numpy()
         for k, name in enumerate(["ax", "ay", "az", "gx", "gy", "gz"]):
