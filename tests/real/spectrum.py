@@ -129,3 +129,13 @@ def level_changes(values, length):
     order = np.argsort(-np.abs(change))
     beyond = sigma * stats.norm.isf(0.5e-3 / len(change))
     return [((k + 1) * length, float(change[k])) for k in order if abs(change[k]) > beyond]
+
+
+def allow_level_changes(report, case, name, values, length):
+    """Names for levels that change, of which a jump that comes and goes takes two; the changes, largest first."""
+    changes = level_changes(values, length)
+    if changes:
+        report.allow(case, name, "bias_step")
+    if len(changes) > 1:
+        report.allow(case, name, "intermittent_jump")
+    return changes

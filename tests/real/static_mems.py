@@ -8,7 +8,7 @@ Markov process does as well.
 import numpy as np
 import pandas as pd
 from common import DATA, STANDARD_GRAVITY, Report
-from spectrum import allan, level_changes, strongest_line, structures
+from spectrum import allan, allow_level_changes, strongest_line, structures
 
 COUNTS = [8.726646e-4] * 3 + [0.0326561] * 3
 
@@ -60,9 +60,7 @@ def main():
             report.allow(case, name, "noise_white", "noise_markov", "noise_random_walk", "noise_flicker",
                          "noise_angle_quantisation", "noise_variance_step", "noise_exp_cos", "noise_outliers")
             # Ten seconds are above the line's period and below all slow parts.
-            jumps = len(level_changes(column, round(10 / step)))
-            if jumps:
-                report.allow(case, name, "intermittent_jump", "bias_step")
+            jumps = len(allow_level_changes(report, case, name, column, round(10 / step)))
             # A slow part is as well a drift over the record; a wandering one has steps.
             if structure != "white":
                 report.allow(case, name, "bias_drift_linear", "bias_warmup", "bias_step")

@@ -9,7 +9,7 @@ for paid by half the logarithm of the rows and the logarithm of the number of va
 import numpy as np
 import pandas as pd
 from common import DATA, Fit, Report
-from spectrum import allow_line, level_changes
+from spectrum import allow_level_changes, allow_line
 
 ORDER = 6
 # Descriptions whose likelihoods differ by less are not told apart.
@@ -102,8 +102,7 @@ def main():
         units = {name: "deg/s" if name[0] == "g" else "mg" for name in readings}
         # A level that changes within a tenth of a second is no temperature's doing.
         for name, y in readings.items():
-            for k, size in level_changes(y, 1)[:1]:
-                report.allow(f"mems_hot_cold/{log}", name, "bias_step", "intermittent_jump")
+            for k, size in allow_level_changes(report, f"mems_hot_cold/{log}", name, y, 1)[:1]:
                 before, after = y[max(k - 10, 0) : k], y[k : k + 10]
                 sigma = np.hypot(np.std(before), np.std(after)) / min(len(before), len(after)) ** 0.5
                 report.estimate(f"mems_hot_cold/{log}", name, "bias_step", "coefficient", after.mean() - before.mean(),
