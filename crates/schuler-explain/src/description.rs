@@ -285,13 +285,9 @@ impl Sums {
         }
     }
 
-    /// Log-likelihood with the regressors' amplitudes at their best.
-    pub fn best(&self) -> f64 {
-        if self.scores.is_empty() {
-            self.log_likelihood
-        } else {
-            self.log_likelihood + solve(&self.normal, &self.scores).gain
-        }
+    /// The regressors' amplitudes at their best, and what they gain.
+    pub fn solution(&self) -> Solution {
+        solve_or_none(&self.normal, &self.scores)
     }
 }
 
@@ -331,11 +327,16 @@ pub(crate) fn solve_or_none(normal: &DMatrix<f64>, scores: &DVector<f64>) -> Sol
 pub fn remainder(model: &Model, block: usize, terms: &[Term], amplitudes: &DVector<f64>) -> Vec<f64> {
     let projected = project(model, block, terms);
     let mut data = projected.data;
-    for (place, column) in projected.places.iter().zip(&projected.columns) {
-        let amplitude = amplitudes.get(*place).copied().unwrap_or_default();
+    let own = projected.places.iter().map(|place| amplitudes.get(*place).copied().unwrap_or_default());
+    take_off(&mut data, &projected.columns, own);
+    data
+}
+
+/// Takes columns off the data, each times its amplitude.
+pub(crate) fn take_off(data: &mut [f64], columns: &[Vec<f64>], amplitudes: impl IntoIterator<Item = f64>) {
+    for (column, amplitude) in columns.iter().zip(amplitudes) {
         data.iter_mut().zip(column).for_each(|(data, value)| *data -= amplitude * value);
     }
-    data
 }
 
 /// The blocks that a set of terms reaches.

@@ -2,7 +2,7 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use crate::description::{Projected, Sums, solve_or_none};
+use crate::description::{Projected, Sums, take_off};
 use crate::minimise::{IMPOSSIBLE, simplex};
 use crate::noise::{Knob, Noise};
 use crate::nominal::Block;
@@ -71,8 +71,7 @@ fn outside(knobs: &[SourceKnob], logs: &[f64], step_s: f64, rows: usize) -> f64 
 
 /// Exact log-likelihood of a block under `noises`, its regressors at their best; −∞ where it cannot be computed.
 pub fn exact(block: &Block, noises: &[Noise], projected: &Projected) -> f64 {
-    let best = block.filter(noises).map_or(f64::NEG_INFINITY, |filter| Sums::new(&filter, projected).best());
-    if best.is_finite() { best } else { f64::NEG_INFINITY }
+    exact_with_amplitudes(block, noises, projected).0
 }
 
 /// The same, and the amplitudes.
@@ -80,7 +79,7 @@ fn exact_with_amplitudes(block: &Block, noises: &[Noise], projected: &Projected)
     let nothing = || (f64::NEG_INFINITY, DVector::zeros(projected.columns.len()));
     let Some(filter) = block.filter(noises) else { return nothing() };
     let sums = Sums::new(&filter, projected);
-    let solution = solve_or_none(&sums.normal, &sums.scores);
+    let solution = sums.solution();
     let best = sums.log_likelihood + solution.gain;
     if best.is_finite() { (best, solution.amplitudes) } else { nothing() }
 }
@@ -88,9 +87,7 @@ fn exact_with_amplitudes(block: &Block, noises: &[Noise], projected: &Projected)
 /// What the regressors leave of the data, as data without regressors.
 fn left_by(projected: &Projected, amplitudes: &DVector<f64>) -> Projected {
     let mut data = projected.data.clone();
-    for (column, amplitude) in projected.columns.iter().zip(amplitudes.iter()) {
-        data.iter_mut().zip(column).for_each(|(value, column)| *value -= amplitude * column);
-    }
+    take_off(&mut data, &projected.columns, amplitudes.iter().copied());
     Projected { data, places: Vec::new(), columns: Vec::new() }
 }
 

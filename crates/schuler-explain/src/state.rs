@@ -8,7 +8,9 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use crate::catalogue::{Candidate, NoiseChange, Search};
-use crate::description::{Delays, Filters, Projected, Sums, Term, evaluate, places, project, solve_or_none};
+use crate::description::{
+    Delays, Filters, Projected, Sums, Term, evaluate, places, project, solve_or_none, take_off,
+};
 use crate::jump::Decoded;
 use crate::least_squares::{Solution, dot, solve};
 use crate::library::Products;
@@ -153,8 +155,11 @@ impl<'c> Case<'c> {
             std::iter::once(&projected.data).chain(&projected.columns).map(Vec::as_slice).collect();
         let columns = filter.whiten(&views);
         let sums = Sums::of_whitened(&filter, &columns);
-        let log_likelihood = sums.best();
-        let remainder = remainder(&columns, &sums);
+        let solution = sums.solution();
+        let log_likelihood = sums.log_likelihood + solution.gain;
+        let (data, regressors) = columns.split_first()?;
+        let mut remainder = data.clone();
+        take_off(&mut remainder, regressors, solution.amplitudes.iter().copied());
         let spectrum = OnceLock::new();
         let whitened =
             Arc::new(Whitened { filter, projected, columns, sums, remainder, spectrum, log_likelihood });
@@ -464,19 +469,6 @@ impl<'c> Bench<'c> {
     pub fn key(&self, block: usize) -> Key {
         self.case.key(block, &self.terms, &self.noises)
     }
-}
-
-/// What the regressors at their best leave of whitened data, the first of `whitened`.
-fn remainder(whitened: &[Vec<f64>], sums: &Sums) -> Vec<f64> {
-    let Some((data, regressors)) = whitened.split_first() else { return Vec::new() };
-    let mut remainder = data.clone();
-    if !regressors.is_empty() {
-        let solution = solve(&sums.normal, &sums.scores);
-        for (amplitude, column) in solution.amplitudes.iter().zip(regressors) {
-            remainder.iter_mut().zip(column).for_each(|(value, column)| *value -= amplitude * column);
-        }
-    }
-    remainder
 }
 
 /// The state of `terms` with its free noise parameters at the maximum of the likelihood; blocks outside `only` keep

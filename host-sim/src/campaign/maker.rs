@@ -143,7 +143,8 @@ fn conceal(
             if !goes_with(&effects, &another) {
                 continue;
             }
-            effects.extend(bench.size(another, group.gain_nats, draw)?);
+            let Some(sized) = bench.size(another, group.gain_nats, draw)? else { continue };
+            effects.push(sized);
             if !bench.tells_apart(&effects) {
                 effects.pop();
             }

@@ -262,6 +262,7 @@ pub fn mask(gaps: &[(f64, f64)], step_s: f64, rows: usize) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scenario::instruments::CONE;
 
     #[test]
     fn what_others_can_take_is_not_an_effects_own() {
@@ -275,7 +276,6 @@ mod tests {
         let half = own_shares(&[vec![1.0, 0.0], vec![1.0, 1.0]]);
         assert!(half.iter().all(|share| (share - 0.5).abs() < 1e-12), "{half:?}");
     }
-    use crate::scenario::instruments::CONE;
 
     #[test]
     fn parity_rows_are_orthonormal_and_blind_to_every_rate() {
