@@ -70,7 +70,7 @@ const LIMITS: [(&str, u32, f64); 24] = [
     ("thermal correction: rates and forces, f64", 4200, 1.0),
     ("configuration", 600_000, 1.0),
     ("module step, no identification", SHARE_OF_A_SECOND, 1.0),
-    ("module step, published loop", SHARE_OF_A_SECOND, 50.0),
+    ("module step, published loop", SHARE_OF_A_SECOND, 3.0),
     ("module step", SHARE_OF_A_SECOND, 3.0),
     ("module step, clocks that jump", SHARE_OF_A_SECOND, 5.0),
     // Among the frames is one configuration, which takes the most.

@@ -5,7 +5,7 @@
 
 use nalgebra::{ComplexField, RealField};
 
-use crate::number::real;
+use crate::number::{real, select};
 use crate::saved::{Blank, saved};
 
 /// Sums of lagged products over the last `N` values for lags 0 … `LAGS` − 1.
@@ -65,6 +65,11 @@ impl<T: RealField + Copy, const N: usize, const LAGS: usize> SlidingAutocorrelat
 
     /// Takes the next value of the series; `None` or a value that is not finite is a gap.
     pub fn push(&mut self, value: Option<T>) {
+        self.push_if(true, value);
+    }
+
+    /// The same if the value is to be `taken`; otherwise nothing changes, with the same work.
+    pub fn push_if(&mut self, taken: bool, value: Option<T>) {
         let value = value.filter(ComplexField::is_finite);
         let (new, new_present) = (value.unwrap_or(T::zero()), value.is_some());
 
@@ -76,42 +81,41 @@ impl<T: RealField + Copy, const N: usize, const LAGS: usize> SlidingAutocorrelat
             (oldest.copied().unwrap_or(T::zero()), oldest_present.copied().unwrap_or(false));
         let later = from_head.iter().chain(before).zip(from_head_present.iter().chain(before_present));
         for (lagged, (&x, &present)) in self.sums.iter_mut().zip(later) {
-            lagged.sum -= oldest * x;
-            lagged.pairs = lagged.pairs.wrapping_sub(u32::from(oldest_present && present));
+            lagged.sum -= select(taken, oldest * x, T::zero());
+            lagged.pairs = lagged.pairs.wrapping_sub(u32::from(taken & oldest_present & present));
         }
 
         // The new value takes its place and is multiplied with itself and the values before it.
         if let (Some(slot), Some(present)) = (self.values.get_mut(self.head), self.present.get_mut(self.head))
         {
-            *slot = new;
-            *present = new_present;
+            *slot = select(taken, new, *slot);
+            *present = select(taken, new_present, *present);
         }
-        self.head = if self.head + 1 < N { self.head + 1 } else { 0 };
+        let next = select(self.head + 1 < N, self.head + 1, 0);
+        self.head = select(taken, next, self.head);
         let (newer, older) = halves(&self.values, self.head);
         let (newer_present, older_present) = halves(&self.present, self.head);
         let earlier = newer.iter().rev().chain(older.iter().rev());
         let earlier_present = newer_present.iter().rev().chain(older_present.iter().rev());
         let sums = self.sums.iter_mut().zip(self.fresh.iter_mut()).enumerate();
         for ((lag, (sliding, fresh)), (&x, &present)) in sums.zip(earlier.zip(earlier_present)) {
-            let product = new * x;
-            let pair = u32::from(new_present && present);
+            let product = select(taken, new * x, T::zero());
+            let pair = u32::from(taken & new_present & present);
             sliding.sum += product;
             sliding.pairs = sliding.pairs.wrapping_add(pair);
             // The fresh sums know only the values since they were begun.
             let within = lag <= self.age;
-            fresh.sum += if within { product } else { T::zero() };
-            fresh.pairs = fresh.pairs.wrapping_add(if within { pair } else { 0 });
+            fresh.sum += select(within, product, T::zero());
+            fresh.pairs = fresh.pairs.wrapping_add(select(within, pair, 0));
         }
 
-        self.age += 1;
+        self.age += usize::from(taken);
         let complete = self.age >= N;
         for (sliding, fresh) in self.sums.iter_mut().zip(self.fresh.iter_mut()) {
-            if complete {
-                *sliding = *fresh;
-                *fresh = LaggedSum { sum: T::zero(), pairs: 0 };
-            }
+            *sliding = select(complete, *fresh, *sliding);
+            *fresh = select(complete, LaggedSum { sum: T::zero(), pairs: 0 }, *fresh);
         }
-        self.age = if complete { 0 } else { self.age };
+        self.age = select(complete, 0, self.age);
     }
 
     /// R_j for all lags [FIL-11]; zero where no pair of values is there.

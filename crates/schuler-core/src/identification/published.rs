@@ -11,6 +11,7 @@ use super::structure::{EXPONENTIAL_FLOOR, fit_exponential};
 use super::window::DECIMATION;
 use super::{IdentificationConfig, steps_in};
 use crate::filter::{FilterConfig, Gaussian, MarkovNoise};
+use crate::number::select;
 use crate::saved::saved;
 
 /// Estimates in the window, one in ten steps: 2.8 h.
@@ -56,14 +57,9 @@ impl PublishedLoop {
         estimate: &Gaussian<f32>,
     ) -> Option<ChannelNoise> {
         self.steps = self.steps.saturating_add(1);
-        if self.steps.is_multiple_of(u64::from(DECIMATION)) {
-            self.accelerometer.push(Some(estimate.mean[2]));
-            self.gyro.push(Some(estimate.mean[3]));
-        }
-        if self.steps < self.due {
-            return None;
-        }
-        self.due = self.steps.saturating_add(steps_in(config.interval_s, filter.step_s));
+        let taken = self.steps.is_multiple_of(u64::from(DECIMATION));
+        self.accelerometer.push_if(taken, Some(estimate.mean[2]));
+        self.gyro.push_if(taken, Some(estimate.mean[3]));
         let spacing_s = filter.step_s * DECIMATION as f32;
         let read = |sliding: &SlidingAutocorrelation<f32, WINDOW, LAGS>, old: &MarkovNoise<f32>| {
             fit_exponential(&sliding.autocorrelation(), spacing_s, EXPONENTIAL_FLOOR as f32)
@@ -71,10 +67,15 @@ impl PublishedLoop {
                 .filter(|noise| noise.tau_s * 3.0 > filter.step_s)
                 .unwrap_or(*old)
         };
-        Some(ChannelNoise {
+        // Read off in every step, so that the step in which it is time takes no more work than the others.
+        let noise = ChannelNoise {
             accelerometer: read(&self.accelerometer, &in_use.accelerometer),
             gyro: read(&self.gyro, &in_use.gyro),
-        })
+        };
+        let is_due = self.steps >= self.due;
+        let next = self.steps.saturating_add(steps_in(config.interval_s, filter.step_s));
+        self.due = select(is_due, next, self.due);
+        is_due.then_some(noise)
     }
 }
 

@@ -9,7 +9,7 @@
 
 use nalgebra::RealField;
 
-use crate::number::{real, sine_and_cosine};
+use crate::number::{real, select, sine_and_cosine};
 use crate::saved::{Blank, saved};
 
 /// Correlations below this do not enter the exponential fit. Larger values cost accuracy on long records,
@@ -91,10 +91,11 @@ pub fn fit_exponential<T: RealField + Copy>(
     for &covariance in lagged {
         time += spacing_s;
         let correlation = covariance / variance;
-        within = within && correlation > floor;
-        let safe = if within { correlation } else { T::one() };
-        logarithms += safe.ln();
-        times += if within { time } else { T::zero() };
+        within &= correlation > floor;
+        // Of any other number but one: of that a logarithm is found sooner.
+        let logarithm = select(within, correlation, real(0.5)).ln();
+        logarithms += select(within, logarithm, T::zero());
+        times += select(within, time, T::zero());
         lags += u32::from(within);
     }
     let alpha = -logarithms / times;
