@@ -5,6 +5,11 @@
 For each sensor with the axis a: reading = a.u + k a.u + m.u + b - d a.du/dt (+ a.(w' x r + w x (w x r)) for an
 accelerometer at r from the reference), u the reference's rate or specific force. Then the same for the three gyros and the
 three accelerometers together, with one delay, one lever arm and one turned mounting.
+
+Derivatives are those of a cubic spline. A difference over two steps is smaller than the derivative of what sways within a few steps
+(at 2.5 Hz and steps of 0.1 s by 0.6), and a delay fitted with it larger: the vehicle's gyros 6.15 ms instead of 5.42, with 39 nats
+less; before the cameras 5.2 ms instead of 4.4, with 1460 nats less. The car's course from a satellite receiver is so noisy that
+the difference predicts better (0.083 nats per sample held out, the spline 0.031).
 """
 
 import sys
@@ -13,9 +18,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from common import Fit, Report, cross_with_axes, held_out_gain
+from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 ORDER = 8
+FEWEST_OF_SPLINE = 4
 CASES = {
     "vehicle_fog_mems/vehicle": (34.432, 172.3, "mems", {"x": [0, 1, 0], "y": [1, 0, 0], "z": [0, 0, -1]}),
     "optical_reference/trial_01": (52.5, 50.0, "imu", {"x": [1, 0, 0], "y": [0, 1, 0], "z": [0, 0, 1]}),
@@ -48,9 +55,20 @@ def reference(table, latitude_deg, altitude):
     return t, rate, force
 
 
-def sensor_columns(axis, u, t):
-    axis = np.asarray(axis, float)
-    return np.column_stack([np.ones(len(t)), u, -np.gradient(u, t, axis=0) @ axis])
+def derivative(u, t, noisy):
+    """Of a cubic spline through each stretch of rows that are known; over two steps where they are noisy."""
+    if noisy:
+        return np.gradient(u, t, axis=0)
+    out = np.full_like(u, np.nan)
+    known = np.flatnonzero(np.isfinite(u).all(axis=1))
+    for stretch in np.split(known, np.flatnonzero(np.diff(known) > 1) + 1):
+        if len(stretch) >= FEWEST_OF_SPLINE:
+            out[stretch] = CubicSpline(t[stretch], u[stretch])(t[stretch], 1)
+    return out
+
+
+def sensor_columns(axis, u, changes):
+    return np.column_stack([np.ones(len(u)), u, -changes @ np.asarray(axis, float)])
 
 
 def main():
@@ -58,7 +76,9 @@ def main():
     for case, (latitude, altitude, group, axes) in CASES.items():
         table = pd.read_csv(folder / f"{case}.csv")
         t, rate, force = reference(table, latitude, altitude)
-        angular = np.gradient(rate, t, axis=0)
+        noisy = case in COURSE
+        angular = derivative(rate, t, noisy)
+        changes = {"gyro": angular, "accelerometer": derivative(force, t, noisy)}
         lever = np.stack([np.cross(angular, e) + np.cross(rate, np.cross(rate, e)) for e in np.eye(3)], axis=2)
         channels = {"gyro": [], "accelerometer": []}
         for name in [n for n in ["gx", "gy", "gz", "gyro_z", "ax", "ay", "az"] if n in table]:
@@ -66,7 +86,7 @@ def main():
             kind, u = ("gyro", rate) if name[0] == "g" else ("accelerometer", force)
             unit = "rad/s" if kind == "gyro" else "m/s^2"
             y = table[name].to_numpy() - u @ axis
-            X = sensor_columns(axis, u, t)
+            X = sensor_columns(axis, u, changes[kind])
             if kind == "accelerometer":
                 X = np.column_stack([X, lever.transpose(0, 2, 1) @ axis])
             fit = Fit([(y, X)], ORDER)
@@ -98,7 +118,7 @@ def main():
             for k, (_, axis, y, u) in enumerate(members):
                 own = np.zeros((len(t), 2 * len(members)))
                 own[:, 2 * k], own[:, 2 * k + 1] = 1.0, u @ axis
-                X = [-(np.gradient(u, t, axis=0) @ axis)[:, None], cross_with_axes(u).transpose(0, 2, 1) @ axis]
+                X = [-(changes[kind] @ axis)[:, None], cross_with_axes(u).transpose(0, 2, 1) @ axis]
                 X += [lever.transpose(0, 2, 1) @ axis] if kind == "accelerometer" else []
                 stacked.append((y, np.column_stack([*X, own])))
             fit = Fit(stacked, ORDER)
