@@ -15,7 +15,7 @@ use crate::board;
 /// Longest frame, bytes.
 const FRAME: usize = 256;
 
-static QUEUE: Ring<1024> = Ring::new();
+static QUEUE: Ring<512> = Ring::new();
 static DROPPED: AtomicU32 = AtomicU32::new(0);
 
 /// Sends what the line takes now.

@@ -7,6 +7,7 @@ use schuler_link::PROTOCOL;
 use schuler_link::endpoint::{Endpoint, Reaction};
 use schuler_link::frame::{Decoder, Frame, FrameError, Message, Wire};
 use schuler_link::message::{Board, HostMessage, Identity, ModuleMessage, Pace, Start, Transport};
+use serde::de::DeserializeOwned;
 
 use crate::flight::{check_output, configurations};
 use crate::source;
@@ -20,7 +21,7 @@ pub fn decoder(data: &[u8]) {
     listen::<ModuleMessage>(data);
 }
 
-fn listen<M: Message>(data: &[u8]) {
+fn listen<M: Message + DeserializeOwned>(data: &[u8]) {
     let mut decoder = Decoder::new();
     let (mut whole, mut refused) = (0, 0);
     for &byte in data {
@@ -33,12 +34,11 @@ fn listen<M: Message>(data: &[u8]) {
             None => {}
         }
     }
-    assert_eq!(decoder.refused().total(), refused, "each refusal is counted once");
-    assert!(whole + refused as usize <= data.len());
+    assert!(whole + refused <= data.len());
 }
 
 /// A frame that came in can be sent, and what is sent comes in as the same bytes (NaN is not equal to itself).
-fn goes_out_again<M: Message>(frame: &Frame<M>) {
+fn goes_out_again<M: Message + DeserializeOwned>(frame: &Frame<M>) {
     let mut wire = Wire::new();
     // A number may have come in a longer form than it goes out: what was read is never too long to send.
     assert_eq!(wire.encode(frame.sequence, &frame.message), Ok(()));
@@ -59,7 +59,7 @@ pub fn message(data: &[u8]) {
     sealed::<ModuleMessage>(data);
 }
 
-fn sealed<M: Message>(content: &[u8]) {
+fn sealed<M: Message + DeserializeOwned>(content: &[u8]) {
     let mut decoder = Decoder::new();
     let bytes = framed::<M>(7, content);
     let answers: Vec<_> = bytes.iter().filter_map(|&byte| decoder.push::<M>(byte)).collect();

@@ -33,7 +33,7 @@
 #define SCHULER_INPUT_SIZE 224
 
 // Size of a module, bytes: enough on machines of 32 and of 64 bits.
-#define SCHULER_MODULE_SIZE 49920
+#define SCHULER_MODULE_SIZE 47872
 
 // Number of states of the error filter.
 #define SCHULER_STATES 4
@@ -94,7 +94,7 @@ typedef uint32_t SchulerResult;
 // schuler_save and schuler_restore carry a state over.
 typedef struct {
     // Of the library.
-    uint64_t private_words[6240];
+    uint64_t private_words[5984];
 } SchulerModule;
 
 // What the interface electronics say of a reading: one of SCHULER_QUALITY_. Any other number counts as missing.

@@ -9,7 +9,7 @@ use schuler_link::{block, configuration};
 use crate::{SchulerInput, SchulerOutput, SchulerResult};
 
 /// Size of a module, bytes: enough on machines of 32 and of 64 bits.
-pub const SCHULER_MODULE_SIZE: usize = 49_920;
+pub const SCHULER_MODULE_SIZE: usize = 47_872;
 
 /// The memory of a module; give it a static. What is in it is the library's business alone. It must not be copied or moved in use;
 /// schuler_save and schuler_restore carry a state over.
@@ -17,7 +17,7 @@ pub const SCHULER_MODULE_SIZE: usize = 49_920;
 #[derive(Clone, Copy, Debug)]
 pub struct SchulerModule {
     /// Of the library.
-    pub private_words: [u64; 6240],
+    pub private_words: [u64; 5984],
 }
 
 const _: () = assert!(size_of::<SchulerModule>() == SCHULER_MODULE_SIZE);
@@ -29,7 +29,7 @@ impl SchulerModule {
     /// Memory that is yet to be initialised.
     #[allow(clippy::large_stack_arrays)] // For statics.
     pub const fn zeroed() -> Self {
-        Self { private_words: [0; 6240] }
+        Self { private_words: [0; 5984] }
     }
 }
 

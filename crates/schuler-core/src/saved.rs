@@ -598,6 +598,6 @@ mod tests {
         let mut walk = Walk::measure();
         module.walk(&mut walk);
         PublishedLoop::new().walk(&mut walk);
-        assert_eq!((STATE_VERSION, walk.layout.value()), (2, 3985778165));
+        assert_eq!((STATE_VERSION, walk.layout.value()), (3, 3936794725));
     }
 }

@@ -6,7 +6,7 @@
 //! The checksum is that of the frames and covers everything before it; the length is that of the content. The checksum names
 //! the block: the module reports that of the block in force.
 use heapless::Vec;
-use schuler_core::compensation::{BLOCK_VERSION, Block, MAX_TERMS};
+use schuler_core::compensation::{BLOCK_VERSION, Block, BlockHead, MAX_TERMS, Term};
 use schuler_core::thermal::CompensationBlock;
 
 pub use crate::seal::BlockError;
@@ -38,26 +38,45 @@ pub fn encode(block: &Block) -> BlockBytes {
 /// # Errors
 /// Why the bytes are not a block.
 pub fn decode(bytes: &[u8]) -> Result<(Block, u32), BlockError> {
-    read(bytes, |block, checksum| (block.clone(), checksum))
+    let (content, checksum) = seal::open(MAGIC, BLOCK_VERSION, bytes)?;
+    match postcard::take_from_bytes(content) {
+        Ok((block, [])) => Ok((block, checksum)),
+        _ => Err(BlockError::Content),
+    }
 }
 
-/// Hands the block in these bytes and its checksum to `taker`: for who has no stack to move a block about. The values are yet
-/// to be checked by who flies them.
+/// The block in these bytes, with its terms where they lie, and its checksum: for who has no memory for all of them. The values
+/// are yet to be checked by who flies them.
 ///
 /// # Errors
 /// Why the bytes are not a block.
-pub fn read<R>(bytes: &[u8], taker: impl FnOnce(&Block, u32) -> R) -> Result<R, BlockError> {
+#[inline(never)]
+pub fn read(bytes: &[u8]) -> Result<(BlockHead, Terms<'_>, u32), BlockError> {
     let (content, checksum) = seal::open(MAGIC, BLOCK_VERSION, bytes)?;
-    // By reference: a block is too large to be moved.
-    let block = &parse(content);
-    block.as_ref().map(|block| taker(block, checksum)).map_err(|error| *error)
+    let (head, rest) = postcard::take_from_bytes(content).map_err(|_| BlockError::Content)?;
+    let (left, rest) = postcard::take_from_bytes::<u32>(rest).map_err(|_| BlockError::Content)?;
+    let terms = Terms { rest, left };
+    let mut all = terms.clone();
+    let whole = all.by_ref().count() == left as usize && all.rest.is_empty() && left as usize <= MAX_TERMS;
+    if whole { Ok((head, terms, checksum)) } else { Err(BlockError::Content) }
 }
 
-#[inline(never)] // What it needs of the stack is free again when the block is put to use.
-fn parse(content: &[u8]) -> Result<Block, BlockError> {
-    match postcard::take_from_bytes(content) {
-        Ok((block, [])) => Ok(block),
-        _ => Err(BlockError::Content),
+/// The terms of a block, one after the other.
+#[derive(Clone, Debug)]
+pub struct Terms<'a> {
+    rest: &'a [u8],
+    left: u32,
+}
+
+impl Iterator for Terms<'_> {
+    type Item = Term;
+
+    #[inline(never)]
+    fn next(&mut self) -> Option<Term> {
+        self.left = self.left.checked_sub(1)?;
+        let (term, rest) = postcard::take_from_bytes(self.rest).ok()?;
+        self.rest = rest;
+        Some(term)
     }
 }
 
@@ -66,7 +85,7 @@ mod tests {
     extern crate std;
     use std::vec::Vec;
 
-    use schuler_core::compensation::{Calibration, Factor, Quantity, Target, Term};
+    use schuler_core::compensation::{Calibration, Factor, Quantity, Target};
 
     use super::*;
     use crate::frame::CRC;
@@ -96,6 +115,9 @@ mod tests {
             let (back, checksum) = decode(&bytes).unwrap();
             assert_eq!(back, block);
             assert_eq!(checksum.to_le_bytes(), bytes[bytes.len() - 4..]);
+            let (head, terms, same) = read(&bytes).unwrap();
+            assert_eq!((head, same), (block.head(), checksum));
+            assert!(terms.eq(block.terms.iter().copied()));
         }
     }
 
@@ -108,6 +130,11 @@ mod tests {
         assert_eq!(bytes[8..10], [0, 0], "no calibration; then the validity, -60 as a little-endian float");
         let crc = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&bytes[..bytes.len() - 4]);
         assert_eq!(crc.to_le_bytes(), bytes[bytes.len() - 4..]);
+    }
+
+    /// Of the block as a whole, and term by term.
+    fn refusals(bytes: &[u8]) -> [BlockError; 2] {
+        [decode(bytes).map(|_| ()).unwrap_err(), read(bytes).map(|_| ()).unwrap_err()]
     }
 
     fn sealed(mut body: Vec<u8>) -> Vec<u8> {
@@ -124,16 +151,32 @@ mod tests {
             damaged[at] ^= 0x10;
             let expected =
                 if at < 4 || (6..8).contains(&at) { BlockError::Form } else { BlockError::Checksum };
-            assert_eq!(decode(&damaged).unwrap_err(), expected, "byte {at}");
-            assert_eq!(decode(&bytes[..at]).unwrap_err(), BlockError::Form, "cut at {at}");
+            assert_eq!(refusals(&damaged), [expected; 2], "byte {at}");
+            assert_eq!(refusals(&bytes[..at]), [BlockError::Form; 2], "cut at {at}");
         }
-        assert_eq!(decode(&[&bytes[..], &[0]].concat()).unwrap_err(), BlockError::Form);
+        assert_eq!(refusals(&[&bytes[..], &[0]].concat()), [BlockError::Form; 2]);
         let body = &bytes[..bytes.len() - 4];
         let mut other = body.to_vec();
         other[4] = 77;
-        assert_eq!(decode(&sealed(other)).unwrap_err(), BlockError::Version(77));
+        assert_eq!(refusals(&sealed(other)), [BlockError::Version(77); 2]);
         let mut nonsense = body.to_vec();
         nonsense[8] = 9;
-        assert_eq!(decode(&sealed(nonsense)).unwrap_err(), BlockError::Content);
+        assert_eq!(refusals(&sealed(nonsense)), [BlockError::Content; 2]);
+    }
+
+    /// Sound bytes with a term too few, one too many, and part of one.
+    #[test]
+    fn terms_are_counted() {
+        let bytes = encode(&longest());
+        let rebuilt = |content: &[u8]| {
+            let length = (content.len() as u16).to_le_bytes();
+            sealed([&bytes[..6], &length, content].concat())
+        };
+        let content = &bytes[8..bytes.len() - 4];
+        assert!(read(&rebuilt(content)).is_ok());
+        for wrong in [&content[..content.len() - 1], &[content, &[0]].concat(), &content[..content.len() / 2]]
+        {
+            assert_eq!(refusals(&rebuilt(wrong)), [BlockError::Content; 2]);
+        }
     }
 }

@@ -12,7 +12,7 @@
 //! | behind | [`Refusal::Stale`] |
 //!
 //! So a host that hears nothing sends the same frame again until it hears the answer, and each of its steps has
-//! then been run exactly once. A host that has just started asks [`HostMessage::Hello`] and goes on from
+//! then been run exactly once. A host that has just started asks [`Hello`](crate::message::HostMessageOf::Hello) and goes on from
 //! [`Banner::last_sequence`]. After a reset any number is accepted, but steps are refused until a configuration comes:
 //! a module that lost its state says so instead of flying on with defaults.
 //!
@@ -22,10 +22,10 @@
 //! from the caller.
 use schuler_core::module::{FlightModule, StateLoader, StatePass, StepInput};
 
-use crate::block::{self, BlockBytes};
+use crate::block;
 use crate::frame::{Decoder, Frame, FrameError, ShortWire, on_the_wire};
 use crate::message::{
-    Banner, Board, Counters, HostMessage, Identity, MAX_ANSWER, ModuleMessage, Pace, Refusal, STATE_PART,
+    Banner, Board, Counters, HeardMessage, Identity, MAX_ANSWER, ModuleMessage, Pace, Refusal, STATE_PART,
     Start, StateBytes, Tick, Transport,
 };
 
@@ -49,8 +49,14 @@ pub enum Reaction<'a> {
 /// The module's side of the link. Fixed memory; never panics.
 #[derive(Debug)]
 pub struct Endpoint {
-    identity: Identity,
     decoder: Decoder,
+    conversation: Conversation,
+}
+
+/// What it has heard and said. It stands beside the decoder, in which a message lies while it is carried out.
+#[derive(Debug)]
+struct Conversation {
+    identity: Identity,
     last: Option<Accepted>,
     /// Answer to the last command; empty while there is none.
     answer: Answer,
@@ -105,9 +111,8 @@ struct ClockPace {
 impl Endpoint {
     /// An endpoint that has heard nothing yet; a constant, so that it can live in a static.
     pub const fn new(identity: Identity) -> Self {
-        Self {
+        let conversation = Conversation {
             identity,
-            decoder: Decoder::new(),
             last: None,
             answer: Answer::new(),
             passing: Answer::new(),
@@ -116,7 +121,8 @@ impl Endpoint {
             pace: Stepping::Host,
             loader: StateLoader::new(),
             counters: Counters::NONE,
-        }
+        };
+        Self { decoder: Decoder::new(), conversation }
     }
 
     /// An endpoint of nothing but zeros, which as a static costs no flash; to be [identified](Self::identify) before it
@@ -127,14 +133,12 @@ impl Endpoint {
 
     /// Says who is there and why; known only after the start.
     pub fn identify(&mut self, identity: Identity) {
-        self.identity = identity;
+        self.conversation.identity = identity;
     }
 
     /// The frame to be sent once after a start, when the line is up.
     pub fn banner(&mut self) -> &[u8] {
-        let message = self.banner_message();
-        write(&mut self.passing, 0, &message);
-        self.passing.as_bytes()
+        self.conversation.banner()
     }
 
     /// Takes the next byte from the line. `now_us` reads the clock.
@@ -144,24 +148,63 @@ impl Endpoint {
         module: &mut FlightModule,
         now_us: impl FnMut() -> u64,
     ) -> Reaction<'_> {
-        // By reference: a message is too large to be moved.
-        match &self.decode(byte) {
-            Some(Ok(frame)) => self.take(frame, module, now_us),
-            // A host of another version is to learn whom it speaks to; everything else may be noise, and gets no answer.
-            Some(Err(FrameError::Version(_))) => Reaction::Send(self.banner()),
-            Some(Err(_)) | None => Reaction::None,
+        // By reference: a configuration is too large to be moved.
+        match &decode(&mut self.decoder, byte) {
+            Some(Ok(frame)) => self.conversation.take(frame, module, now_us),
+            Some(Err(error)) => self.conversation.refuse(*error),
+            None => Reaction::None,
         }
     }
 
-    // Not generic, so that what reads a message is compiled with this crate, for size.
-    #[inline(never)]
-    fn decode(&mut self, byte: u8) -> Option<Result<Frame<HostMessage>, FrameError>> {
-        self.decoder.push::<HostMessage>(byte)
+    /// At the clock's pace, runs the step that is due. Call often; `Some` is the frame to be sent.
+    pub fn tick(&mut self, module: &mut FlightModule, now_us: impl FnMut() -> u64) -> Option<&[u8]> {
+        self.conversation.tick(module, now_us)
     }
 
-    /// At the clock's pace, runs the step that is due. Call often; `Some` is the frame to be sent.
+    /// Bytes were lost on the way from the line to [`receive`](Self::receive).
+    pub fn count_lost_bytes(&mut self, bytes: u32) {
+        let lost_bytes = &mut self.conversation.counters.lost_bytes;
+        *lost_bytes = lost_bytes.saturating_add(bytes);
+    }
+
+    /// How it has gone.
+    pub fn counters(&self) -> Counters {
+        self.conversation.counters
+    }
+
+    /// What makes the module take a step.
+    pub fn pace(&self) -> Pace {
+        match &self.conversation.pace {
+            Stepping::Host => Pace::Host,
+            Stepping::Clock(clock) => Pace::Clock { period_ms: clock.period_ms },
+        }
+    }
+}
+
+// Not generic, so that what reads a message is compiled with this crate, for size.
+#[inline(never)]
+fn decode(decoder: &mut Decoder, byte: u8) -> Option<Result<Frame<HeardMessage<'_>>, FrameError>> {
+    decoder.push(byte)
+}
+
+impl Conversation {
+    fn banner(&mut self) -> &[u8] {
+        let message = self.banner_message();
+        write(&mut self.passing, 0, &message);
+        self.passing.as_bytes()
+    }
+
+    /// A host of another version is to learn whom it speaks to; everything else may be noise, and gets no answer.
+    fn refuse(&mut self, error: FrameError) -> Reaction<'_> {
+        self.counters.refused.count(error);
+        match error {
+            FrameError::Version(_) => Reaction::Send(self.banner()),
+            _ => Reaction::None,
+        }
+    }
+
     #[inline(never)]
-    pub fn tick(&mut self, module: &mut FlightModule, mut now_us: impl FnMut() -> u64) -> Option<&[u8]> {
+    fn tick(&mut self, module: &mut FlightModule, mut now_us: impl FnMut() -> u64) -> Option<&[u8]> {
         let pace = self.pace.clock()?;
         let begin_us = now_us();
         let late_us = begin_us.checked_sub(pace.due_us)?;
@@ -197,38 +240,19 @@ impl Endpoint {
         Some(self.passing.as_bytes())
     }
 
-    /// Bytes were lost on the way from the line to [`receive`](Self::receive).
-    pub fn count_lost_bytes(&mut self, bytes: u32) {
-        self.counters.lost_bytes = self.counters.lost_bytes.saturating_add(bytes);
-    }
-
-    /// How it has gone.
-    pub fn counters(&self) -> Counters {
-        Counters { refused: self.decoder.refused(), ..self.counters }
-    }
-
-    /// What makes the module take a step.
-    pub fn pace(&self) -> Pace {
-        match &self.pace {
-            Stepping::Host => Pace::Host,
-            Stepping::Clock(clock) => Pace::Clock { period_ms: clock.period_ms },
-        }
-    }
-
     // These stand by themselves: a message is large, and what one of them needs of the stack the others have no use for.
     #[inline(never)]
     fn take(
         &mut self,
-        frame: &Frame<HostMessage>,
+        frame: &Frame<HeardMessage<'_>>,
         module: &mut FlightModule,
         now_us: impl FnMut() -> u64,
     ) -> Reaction<'_> {
         let Frame { sequence, checksum, message } = frame;
         self.counters.frames = self.counters.frames.saturating_add(1);
         match message {
-            HostMessage::Hello => return self.pass(*sequence, &self.banner_message()),
-            HostMessage::Counters => return self.pass(*sequence, &ModuleMessage::Counters(self.counters())),
-            HostMessage::ReadState { begin } => return self.pass_state(*sequence, *begin, module),
+            HeardMessage::Hello | HeardMessage::Counters => return self.introduce(*sequence, message),
+            HeardMessage::ReadState { begin } => return self.pass_state(*sequence, *begin, module),
             _ => (),
         }
         if let Some(last) = self.last {
@@ -239,19 +263,18 @@ impl Endpoint {
                 }
                 0 => {
                     self.counters.conflicts = self.counters.conflicts.saturating_add(1);
-                    return self.pass(*sequence, &ModuleMessage::Refused(Refusal::Conflict));
+                    return self.pass_refusal(*sequence, Refusal::Conflict);
                 }
                 1..0x8000_0000 => (),
                 _ => {
                     self.counters.stale = self.counters.stale.saturating_add(1);
-                    let refusal = Refusal::Stale { last_sequence: last.sequence };
-                    return self.pass(*sequence, &ModuleMessage::Refused(refusal));
+                    return self.pass_refusal(*sequence, Refusal::Stale { last_sequence: last.sequence });
                 }
             }
         }
         self.last = Some(Accepted { sequence: *sequence, checksum: *checksum });
         self.answer.clear();
-        if let HostMessage::Reset = message {
+        if let HeardMessage::Reset = message {
             return Reaction::Reset;
         }
         if let Some(answer) = self.carry_out(message, module, now_us) {
@@ -264,12 +287,12 @@ impl Endpoint {
     #[inline(never)]
     fn carry_out(
         &mut self,
-        message: &HostMessage,
+        message: &HeardMessage<'_>,
         module: &mut FlightModule,
         mut now_us: impl FnMut() -> u64,
     ) -> Option<ModuleMessage> {
         Some(match message {
-            HostMessage::Configure(config) => match module.configure(config) {
+            HeardMessage::Configure(config) => match module.configure(config) {
                 Ok(()) => {
                     self.configured = true;
                     self.time_ms = 0;
@@ -280,14 +303,14 @@ impl Endpoint {
                 }
                 Err(error) => ModuleMessage::Refused(error.into()),
             },
-            HostMessage::Step(_) | HostMessage::SetPace(_) | HostMessage::LoadCompensation(_)
+            HeardMessage::Step(_) | HeardMessage::SetPace(_) | HeardMessage::LoadCompensation(_)
                 if !self.configured =>
             {
                 ModuleMessage::Refused(Refusal::NotConfigured)
             }
-            HostMessage::LoadCompensation(bytes) => self.load_compensation(bytes, module),
-            HostMessage::LoadState { pass, begin, bytes } => self.load_state(*pass, *begin, bytes, module),
-            HostMessage::Step(input) => {
+            HeardMessage::LoadCompensation(bytes) => self.load_compensation(bytes, module),
+            HeardMessage::LoadState { pass, begin, bytes } => self.load_state(*pass, *begin, bytes, module),
+            HeardMessage::Step(input) => {
                 if let Some(clock) = self.pace.clock() {
                     let superseded = clock.input.replace(*input).is_some();
                     self.counters.superseded_inputs =
@@ -300,26 +323,26 @@ impl Endpoint {
                 self.count_step(clip(now_us().saturating_sub(begin_us)));
                 ModuleMessage::Output(output)
             }
-            HostMessage::SetPace(pace) => self.set_pace(*pace, now_us()),
-            HostMessage::Hello
-            | HostMessage::Counters
-            | HostMessage::ReadState { .. }
-            | HostMessage::Reset => return None,
+            HeardMessage::SetPace(pace) => self.set_pace(*pace, now_us()),
+            HeardMessage::Hello
+            | HeardMessage::Counters
+            | HeardMessage::ReadState { .. }
+            | HeardMessage::Reset => return None,
         })
     }
 
     #[inline(never)]
-    fn load_compensation(&mut self, bytes: &BlockBytes, module: &mut FlightModule) -> ModuleMessage {
-        let loaded = block::read(bytes, |block, checksum| module.load_compensation(block).map(|()| checksum));
-        match loaded {
-            Ok(Ok(checksum)) => {
-                module.name_compensation(checksum);
-                self.counters.compensation = Some(checksum);
-                ModuleMessage::CompensationLoaded { checksum }
-            }
-            Ok(Err(error)) => ModuleMessage::Refused(error.into()),
-            Err(error) => ModuleMessage::Refused(Refusal::Block(error)),
+    fn load_compensation(&mut self, bytes: &[u8], module: &mut FlightModule) -> ModuleMessage {
+        let (head, terms, checksum) = match block::read(bytes) {
+            Ok(block) => block,
+            Err(error) => return ModuleMessage::Refused(Refusal::Block(error)),
+        };
+        if let Err(error) = module.load_terms(&head, terms) {
+            return ModuleMessage::Refused(error.into());
         }
+        module.name_compensation(checksum);
+        self.counters.compensation = Some(checksum);
+        ModuleMessage::CompensationLoaded { checksum }
     }
 
     /// Answers with a part of the state.
@@ -343,7 +366,7 @@ impl Endpoint {
         &mut self,
         pass: StatePass,
         begin: u32,
-        bytes: &StateBytes,
+        bytes: &[u8],
         module: &mut FlightModule,
     ) -> ModuleMessage {
         let result = self.loader.take(module, pass, begin, bytes);
@@ -373,6 +396,21 @@ impl Endpoint {
             }
         };
         ModuleMessage::PaceSet(pace)
+    }
+
+    /// Who is there, or how it has gone.
+    #[inline(never)]
+    fn introduce(&mut self, sequence: u32, question: &HeardMessage<'_>) -> Reaction<'_> {
+        let message = match question {
+            HeardMessage::Counters => ModuleMessage::Counters(self.counters),
+            _ => self.banner_message(),
+        };
+        self.pass(sequence, &message)
+    }
+
+    #[inline(never)]
+    fn pass_refusal(&mut self, sequence: u32, refusal: Refusal) -> Reaction<'_> {
+        self.pass(sequence, &ModuleMessage::Refused(refusal))
     }
 
     /// A frame that is not kept.
@@ -405,9 +443,15 @@ fn send(wire: &Answer) -> Reaction<'_> {
 /// Writes the frame; where it does not fit, a frame that says so.
 fn write(wire: &mut Answer, sequence: u32, message: &ModuleMessage) {
     if wire.encode(sequence, message).is_err() {
-        // A refusal is short: it fits.
-        let _ = wire.encode(sequence, &ModuleMessage::Refused(Refusal::AnswerTooLong));
+        write_too_long(wire, sequence);
     }
+}
+
+// By itself, so that there is one message on the stack at a time.
+#[inline(never)]
+fn write_too_long(wire: &mut Answer, sequence: u32) {
+    // A refusal is short: it fits.
+    let _ = wire.encode(sequence, &ModuleMessage::Refused(Refusal::AnswerTooLong));
 }
 
 fn clip(value: u64) -> u32 {
@@ -426,10 +470,10 @@ mod tests {
     use schuler_core::module::{ModuleConfig, StateError};
 
     use super::*;
-    use crate::block::BlockError;
+    use crate::block::{BlockBytes, BlockError};
     use crate::frame::FrameError;
     use crate::frame::Wire;
-    use crate::message::RefusedFrames;
+    use crate::message::{HostMessage, RefusedFrames};
 
     const IDENTITY: Identity =
         Identity { board: Board::Host, transport: Transport::Memory, start: Start::PowerOn };
@@ -564,7 +608,7 @@ mod tests {
         assert_eq!(other.endpoint.counters().compensation, None, "looked at, and nothing changed");
         assert_eq!(load_state(&mut other, &mut sequence, StatePass::Restore, &state), whole);
         assert_eq!(other.endpoint.counters().compensation, Some(checksum));
-        assert_eq!(other.endpoint.time_ms, 49_000);
+        assert_eq!(other.endpoint.conversation.time_ms, 49_000);
         assert_eq!(other.say(sequence + 1, &step(60_000)), rig.say(50, &step(60_000)));
     }
 

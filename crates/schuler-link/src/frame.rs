@@ -11,11 +11,9 @@ use cobs::{CobsEncoder, DecodeResult, DecoderState};
 use crc::{CRC_32_ISO_HDLC, Crc, Digest};
 use heapless::Vec;
 use postcard::ser_flavors::Flavor;
-use serde::Serialize;
-use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 
 use crate::PROTOCOL;
-use crate::message::RefusedFrames;
 
 /// Longest serialised message, bytes.
 pub const MAX_MESSAGE: usize = 2560;
@@ -37,7 +35,7 @@ pub(crate) const fn on_the_wire(message: usize) -> usize {
 pub(crate) const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
 /// A message of one direction of the link.
-pub trait Message: Serialize + DeserializeOwned {
+pub trait Message: Serialize {
     /// Byte that marks the direction.
     const DIRECTION: u8;
 }
@@ -156,9 +154,10 @@ impl Flavor for WireFlavor<'_> {
 pub struct Decoder {
     cobs: DecoderState,
     frame: Vec<u8, MAX_FRAME>,
+    /// The frame has ended, or was refused: the next byte begins another.
+    ended: bool,
     /// Within a frame that is too long: nothing counts until the next border.
     skipping: bool,
-    refused: RefusedFrames,
 }
 
 impl Default for Decoder {
@@ -170,42 +169,42 @@ impl Default for Decoder {
 impl Decoder {
     /// A decoder that has heard nothing yet.
     pub const fn new() -> Self {
-        Self { cobs: DecoderState::Idle, frame: Vec::new(), skipping: false, refused: RefusedFrames::NONE }
+        Self { cobs: DecoderState::Idle, frame: Vec::new(), ended: false, skipping: false }
     }
 
-    /// Takes the next byte. `Some` when it ends a frame, or makes it hopeless; every refusal is counted.
-    pub fn push<M: Message>(&mut self, byte: u8) -> Option<Result<Frame<M>, FrameError>> {
+    /// Takes the next byte. `Some` when it ends a frame, or makes it hopeless. Of a message that borrows, the bytes stay in
+    /// the decoder.
+    pub fn push<'a, M: Message + Deserialize<'a>>(
+        &'a mut self,
+        byte: u8,
+    ) -> Option<Result<Frame<M>, FrameError>> {
         if self.skipping {
             self.skipping = byte != 0;
             return None;
         }
-        let result = match self.cobs.feed(byte) {
+        if self.ended {
+            self.cobs = DecoderState::Idle;
+            self.frame.clear();
+            self.ended = false;
+        }
+        let complete = match self.cobs.feed(byte) {
             Ok(DecodeResult::NoData) => return None,
             Ok(DecodeResult::DataContinue(data)) if self.frame.push(data).is_ok() => return None,
             Ok(DecodeResult::DataContinue(_)) => {
                 self.skipping = true;
                 Err(FrameError::TooLong)
             }
-            Ok(DecodeResult::DataComplete) => open(&self.frame),
+            Ok(DecodeResult::DataComplete) => Ok(()),
             Err(_) => Err(FrameError::Encoding),
         };
-        self.cobs = DecoderState::Idle;
-        self.frame.clear();
-        if let Err(error) = &result {
-            self.refused.count(*error);
-        }
-        Some(result)
-    }
-
-    /// The refused frames so far, by reason.
-    pub fn refused(&self) -> RefusedFrames {
-        self.refused
+        self.ended = true;
+        Some(complete.and_then(|()| open(&self.frame)))
     }
 }
 
 /// Checks a frame from the outside in and reads its message.
 #[inline(never)]
-fn open<M: Message>(frame: &[u8]) -> Result<Frame<M>, FrameError> {
+fn open<'a, M: Message + Deserialize<'a>>(frame: &'a [u8]) -> Result<Frame<M>, FrameError> {
     let (body, &checksum) = frame.split_last_chunk::<CHECKSUM>().ok_or(FrameError::TooShort)?;
     let (&[direction, protocol, s0, s1, s2, s3], content) =
         body.split_first_chunk::<HEADER>().ok_or(FrameError::TooShort)?;
@@ -235,13 +234,13 @@ mod tests {
     use schuler_core::compensation::Block;
     use schuler_core::module::{FlightModule, ModuleConfig, StateError, StatePass, StepInput};
     use schuler_core::reading::Reading;
-    use serde::Deserialize;
+    use serde::de::DeserializeOwned;
 
     use super::*;
     use crate::block::{BlockError, encode};
     use crate::message::{
-        Banner, Board, Counters, HostMessage, Identity, ModuleMessage, Pace, Refusal, STATE_PART, Start,
-        Tick, Transport,
+        Banner, Board, Counters, HostMessage, Identity, ModuleMessage, Pace, Refusal, RefusedFrames,
+        STATE_PART, Start, Tick, Transport,
     };
 
     fn input(time_ms: u64) -> StepInput {
@@ -260,12 +259,18 @@ mod tests {
     }
 
     /// Feeds the bytes; the frames that arrived, and the number of refusals.
-    fn listen<M: Message>(decoder: &mut Decoder, bytes: &[u8]) -> (Vec<Frame<M>>, u32) {
-        let before = decoder.refused().total();
-        let results: Vec<_> = bytes.iter().filter_map(|byte| decoder.push::<M>(*byte)).collect();
-        let errors = results.iter().filter(|result| result.is_err()).count() as u32;
-        assert_eq!(decoder.refused().total() - before, errors, "each refusal is counted, once");
-        (results.into_iter().flatten().collect(), errors)
+    fn listen<M: Message + DeserializeOwned>(
+        decoder: &mut Decoder,
+        bytes: &[u8],
+    ) -> (Vec<Frame<M>>, RefusedFrames) {
+        let (mut frames, mut refused) = (Vec::new(), RefusedFrames::NONE);
+        for result in bytes.iter().filter_map(|byte| decoder.push::<M>(*byte)) {
+            match result {
+                Ok(frame) => frames.push(frame),
+                Err(error) => refused.count(error),
+            }
+        }
+        (frames, refused)
     }
 
     /// The damaged second frame is refused, or its damage did not touch its content; its neighbours arrive.
@@ -295,7 +300,7 @@ mod tests {
                 let content = (0..length).map(|k| if pattern == 0x55 { (k % 3) as u8 } else { pattern });
                 let blob = Blob(content.collect());
                 let (frames, errors) = listen::<Blob>(&mut Decoder::new(), &wire(7, &blob));
-                assert_eq!((frames[0].sequence, &frames[0].message, errors), (7, &blob, 0));
+                assert_eq!((frames[0].sequence, &frames[0].message, errors.total()), (7, &blob, 0));
             }
         }
         let blob = Blob((0..MAX_MESSAGE - 1).map(|_| 1).collect());
@@ -416,7 +421,7 @@ mod tests {
         let mut decoder = Decoder::new();
         let line = [std::vec![1u8; 10 * MAX_WIRE], three()[0].clone()].concat();
         let (frames, errors) = listen::<HostMessage>(&mut decoder, &line);
-        assert_eq!((frames.len(), errors, decoder.refused().too_long), (1, 1, 1));
+        assert_eq!((frames.len(), errors.total(), errors.too_long), (1, 1, 1));
     }
 
     /// Each reason has its counter.
@@ -449,10 +454,12 @@ mod tests {
             (sealed(&[b'>', PROTOCOL, 1, 0, 0, 0, 99]), FrameError::Content),
             (sealed(&[b'>', PROTOCOL, 1, 0, 0, 0, 0, 0]), FrameError::Content),
         ];
+        let mut refused = RefusedFrames::NONE;
         for (bytes, error) in &cases {
             let results: Vec<_> =
                 bytes.iter().filter_map(|byte| decoder.push::<HostMessage>(*byte)).collect();
             assert_eq!(results, [Err(*error)]);
+            refused.count(*error);
         }
         let expected = RefusedFrames {
             encoding: 1,
@@ -463,7 +470,7 @@ mod tests {
             content: 2,
             ..RefusedFrames::NONE
         };
-        assert_eq!(decoder.refused(), expected);
+        assert_eq!(refused, expected);
     }
 
     proptest! {

@@ -16,13 +16,19 @@ pub const STATE_PART: usize = 512;
 /// A part of a saved state.
 pub type StateBytes = Vec<u8, STATE_PART>;
 
-/// From the host to the module.
+/// What the host says, with bytes of its own.
+pub type HostMessage = HostMessageOf<BlockBytes, StateBytes>;
+
+/// The same as the module hears it: its bytes stay where the decoder has put them.
+pub type HeardMessage<'a> = HostMessageOf<&'a [u8], &'a [u8]>;
+
+/// From the host to the module. `B` and `S` hold the bytes of a compensation block and of a part of a saved state.
 ///
 /// [`Hello`](Self::Hello), [`Counters`](Self::Counters) and [`ReadState`](Self::ReadState) are questions: they change nothing and are answered
 /// always. The others are commands: each is carried out at most once (see [`crate::endpoint`]).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[allow(clippy::large_enum_variant)] // No heap to box it in.
-pub enum HostMessage {
+pub enum HostMessageOf<B, S> {
     /// Who are you? Answered with [`ModuleMessage::Banner`].
     Hello,
     /// How has it gone? Answered with [`ModuleMessage::Counters`].
@@ -32,7 +38,7 @@ pub enum HostMessage {
     Configure(ModuleConfig),
     /// Correct the inputs by this compensation block ([`crate::block`]) from the next step on. Answered with
     /// [`ModuleMessage::CompensationLoaded`], [`Refusal::Block`] or [`Refusal::Configuration`]; a refused block changes nothing.
-    LoadCompensation(BlockBytes),
+    LoadCompensation(B),
     /// The input of a step. At the host's pace it is run at once and answered with [`ModuleMessage::Output`]; at the
     /// clock's pace it waits for the next tick and is not answered by itself.
     Step(StepInput),
@@ -55,11 +61,11 @@ pub enum HostMessage {
         /// Where the part begins, in bytes from the start of the saved state.
         begin: u32,
         /// The part.
-        bytes: StateBytes,
+        bytes: S,
     },
 }
 
-impl Message for HostMessage {
+impl<B: Serialize, S: Serialize> Message for HostMessageOf<B, S> {
     const DIRECTION: u8 = b'>';
 }
 
@@ -381,7 +387,7 @@ impl RefusedFrames {
     }
 
     /// One more.
-    pub(crate) fn count(&mut self, error: FrameError) {
+    pub fn count(&mut self, error: FrameError) {
         let counter = match error {
             FrameError::TooLong => &mut self.too_long,
             FrameError::Encoding => &mut self.encoding,

@@ -43,8 +43,8 @@ compile_error!("semihosting is for the emulator: it hard-faults on silicon");
 /// The main loop wakes at least this often.
 const WAKE_HZ: u32 = 1000;
 
-/// What has come on the link's serial line. Several inputs, or the longest frame: they wait here while a step runs.
-pub static RECEIVED: Ring<4096> = Ring::new();
+/// What has come on the link's serial line: several inputs may wait here while a step runs, at 115 200 baud a sixth of a second.
+pub static RECEIVED: Ring<2048> = Ring::new();
 
 /// Bytes that came and found no room.
 static LOST: AtomicU32 = AtomicU32::new(0);

@@ -105,6 +105,32 @@ impl Default for Target {
     }
 }
 
+/// The first place of the accelerometers among the targets, and that of the velocity.
+const ACCELEROMETER: usize = GYROS;
+const VELOCITY: usize = ACCELEROMETER + ACCELEROMETERS;
+/// Targets that are signals of the module.
+pub(super) const SIGNALS: usize = VELOCITY + 1;
+/// All targets, those within the loop behind the signals.
+pub(super) const TARGETS: usize = SIGNALS + 2;
+
+impl Target {
+    /// Its place in the list of targets.
+    pub(super) fn place(self) -> usize {
+        match self {
+            Self::Gyro(gyro) => usize::from(gyro),
+            Self::Accelerometer(one) => ACCELEROMETER + usize::from(one),
+            Self::Velocity => VELOCITY,
+            Self::LoopAccelerometer => SIGNALS,
+            Self::LoopGyro => SIGNALS + 1,
+        }
+    }
+
+    /// Whether it belongs to the velocity channel.
+    pub(crate) fn is_of_velocity(self) -> bool {
+        matches!(self, Self::Velocity | Self::LoopAccelerometer | Self::LoopGyro)
+    }
+}
+
 /// `(quantity − reference)^power`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Factor {
@@ -151,11 +177,38 @@ pub enum Quantity {
 }
 
 impl Block {
+    /// What it says beside its terms.
+    pub fn head(&self) -> BlockHead {
+        let Self { calibration, validity, limits, .. } = *self;
+        BlockHead { calibration, validity, limits }
+    }
+
     /// Checks everything.
     ///
     /// # Errors
     /// The first field that cannot be flown.
     pub fn validate(&self) -> Result<(), ConfigError> {
+        self.head().validate(self.terms.iter().copied())
+    }
+}
+
+/// What a block says beside its terms, for who has no memory for all of these: they may come one by one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct BlockHead {
+    /// As in [`Block`].
+    pub calibration: Option<Calibration>,
+    /// As in [`Block`].
+    pub validity: Validity,
+    /// As in [`Block`].
+    pub limits: Limits,
+}
+
+impl BlockHead {
+    /// Checks everything.
+    ///
+    /// # Errors
+    /// The first field that cannot be flown, or too many terms.
+    pub fn validate(&self, terms: impl Iterator<Item = Term>) -> Result<(), ConfigError> {
         if let Some(calibration) = &self.calibration {
             index("compensation.calibration.thermometer", calibration.thermometer, THERMOMETERS)?;
             thermal::Compensator::try_build(&calibration.coefficients)?;
@@ -164,26 +217,16 @@ impl Block {
         positive("compensation.limits.gyro", self.limits.gyro)?;
         positive("compensation.limits.accelerometer", self.limits.accelerometer)?;
         positive("compensation.limits.velocity", self.limits.velocity)?;
-        for term in &self.terms {
+        let mut scales = [0.0; SIGNALS];
+        for (count, term) in terms.enumerate() {
+            within("compensation.terms", count < MAX_TERMS)?;
             term.check()?;
+            if let Some(scale) = scales.get_mut(term.target.place()) {
+                *scale += term.largest_scale(&self.validity);
+            }
         }
-        for target in (0..GYROS as u8)
-            .map(Target::Gyro)
-            .chain((0..ACCELEROMETERS as u8).map(Target::Accelerometer))
-            .chain([Target::Velocity])
-        {
-            let of_target = self.terms.iter().filter(|term| term.target == target);
-            let scale = of_target.fold(0.0, |sum, term| sum + term.largest_scale(&self.validity));
-            // Within it the correction, which is found by repeated substitution, is exact to 10⁻³ of itself.
-            within("compensation.terms.coefficient", scale <= SCALE_LIMIT)?;
-        }
-        Ok(())
-    }
-
-    /// Whether the velocity channel is corrected at all.
-    pub fn has_velocity_terms(&self) -> bool {
-        let velocity = [Target::Velocity, Target::LoopAccelerometer, Target::LoopGyro];
-        self.terms.iter().any(|term| velocity.contains(&term.target))
+        // Within it the correction, which is found by repeated substitution, is exact to 10⁻³ of itself.
+        within("compensation.terms.coefficient", scales.iter().all(|scale| *scale <= SCALE_LIMIT))
     }
 }
 

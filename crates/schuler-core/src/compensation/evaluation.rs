@@ -6,7 +6,10 @@
 use bitflags::bitflags;
 use serde::{Deserialize, Serialize};
 
-use super::block::{Block, Calibration, Factor, Limits, MAX_TERMS, Quantity, Target, Term, Validity, power};
+use super::block::{
+    Block, BlockHead, Calibration, Factor, Limits, MAX_TERMS, Quantity, SIGNALS, TARGETS, Target, Term,
+    Validity, power,
+};
 use crate::config::ConfigError;
 use crate::module::{ACCELEROMETERS, GYROS, THERMOMETERS};
 use crate::saved::saved;
@@ -17,23 +20,15 @@ const ROUNDS: usize = 3;
 
 /// Places in the list of quantities.
 mod place {
-    use super::{ACCELEROMETERS, GYROS, THERMOMETERS};
+    use super::{SIGNALS, THERMOMETERS};
     pub(super) const ZERO: usize = 0;
     pub(super) const ONE: usize = 1;
     pub(super) const TEMPERATURE: usize = 2;
     pub(super) const RATE: usize = TEMPERATURE + THERMOMETERS;
     /// The signals stand in the order of the targets.
     pub(super) const SIGNAL: usize = RATE + THERMOMETERS;
-    pub(super) const COUNT: usize = SIGNAL + GYROS + ACCELEROMETERS + 1;
+    pub(super) const COUNT: usize = SIGNAL + SIGNALS;
 }
-
-/// Places in the list of targets.
-const ACCELEROMETER: usize = GYROS;
-const VELOCITY: usize = ACCELEROMETER + ACCELEROMETERS;
-const SIGNALS: usize = VELOCITY + 1;
-const LOOP_ACCELEROMETER: usize = SIGNALS;
-const LOOP_GYRO: usize = SIGNALS + 1;
-const TARGETS: usize = SIGNALS + 2;
 
 bitflags! {
     /// What limited the correction by terms.
@@ -149,18 +144,30 @@ impl Compensator {
     /// # Errors
     /// The first field that cannot be flown.
     pub fn load(&mut self, block: &Block) -> Result<(), ConfigError> {
-        block.validate()?;
+        self.load_terms(&block.head(), block.terms.iter().copied())
+    }
+
+    /// The same of a block whose terms come one by one, twice: to be checked and to be taken.
+    ///
+    /// # Errors
+    /// The first field that cannot be flown, or too many terms.
+    pub fn load_terms(
+        &mut self,
+        head: &BlockHead,
+        mut terms: impl Iterator<Item = Term> + Clone,
+    ) -> Result<(), ConfigError> {
+        head.validate(terms.clone())?;
         self.loaded = true;
-        self.has_calibration = block.calibration.is_some();
+        self.has_calibration = head.calibration.is_some();
         let none = Calibration::default();
-        let calibration = block.calibration.as_ref().unwrap_or(&none);
+        let calibration = head.calibration.as_ref().unwrap_or(&none);
         self.thermometer = calibration.thermometer;
         self.calibration = thermal::Compensator::try_build(&calibration.coefficients)?;
-        self.validity = block.validity;
-        self.limits = limits(&block.limits);
+        self.validity = head.validity;
+        self.limits = limits(&head.limits);
         self.used = 0;
-        for (index, product) in self.products.iter_mut().enumerate() {
-            *product = block.terms.get(index).map_or(Product::NOTHING, Product::of);
+        for product in &mut self.products {
+            *product = terms.next().as_ref().map_or(Product::NOTHING, Product::of);
             for factor in product.factors {
                 self.used |= bit(factor.plus) | bit(factor.minus);
             }
@@ -169,6 +176,7 @@ impl Compensator {
     }
 
     /// The corrections of a step. Never panics, and everything that it gives is finite.
+    #[inline(never)]
     pub fn correct(&self, known: &Known) -> Compensation {
         let usable = |value: Option<f64>| value.filter(|value| value.is_finite());
         let gyros = known.gyros.map(usable);
@@ -208,15 +216,15 @@ impl Compensator {
         let keep = |value: f64, reading: Option<f64>| if reading.is_some() { value } else { 0.0 };
         let [r0, r1, r2, r3, r4] = gyros;
         let [s0, s1, s2] = accelerometers;
-        let error = |target: usize| errors.get(target).copied().unwrap_or_default();
+        let error = |target: Target| errors.get(target.place()).copied().unwrap_or_default();
         Compensation {
             loaded: self.loaded,
             calibration: if self.has_calibration { correction.status } else { CompensationStatus::empty() },
             terms: status,
             gyros: [keep(u0, r0), keep(u1, r1), keep(u2, r2), keep(u3, r3), keep(u4, r4)],
             accelerometers: [keep(a0, s0), keep(a1, s1), keep(a2, s2)],
-            velocity: if velocity.is_some() { error(VELOCITY) } else { 0.0 },
-            loop_errors: [error(LOOP_ACCELEROMETER), error(LOOP_GYRO)],
+            velocity: if velocity.is_some() { error(Target::Velocity) } else { 0.0 },
+            loop_errors: [error(Target::LoopAccelerometer), error(Target::LoopGyro)],
         }
     }
 
@@ -271,13 +279,7 @@ impl Product {
     const NOTHING: Self = Self { target: 0, coefficient: 0.0, factors: [Difference::ONE; 2] };
 
     fn of(term: &Term) -> Self {
-        let target = match term.target {
-            Target::Gyro(gyro) => usize::from(gyro),
-            Target::Accelerometer(one) => ACCELEROMETER + usize::from(one),
-            Target::Velocity => VELOCITY,
-            Target::LoopAccelerometer => LOOP_ACCELEROMETER,
-            Target::LoopGyro => LOOP_GYRO,
-        };
+        let target = term.target.place();
         let factors = term.factors.map(|factor| Difference::of(factor, target));
         Self { target: target as u8, coefficient: term.coefficient, factors }
     }
@@ -310,8 +312,8 @@ impl Difference {
             Quantity::TemperatureDifference(one, other) => {
                 (at(place::TEMPERATURE, one), at(place::TEMPERATURE, other))
             }
-            Quantity::Rate(gyro) => (at(place::SIGNAL, gyro), place::ZERO),
-            Quantity::SpecificForce(one) => (at(place::SIGNAL + ACCELEROMETER, one), place::ZERO),
+            Quantity::Rate(gyro) => (place::SIGNAL + Target::Gyro(gyro).place(), place::ZERO),
+            Quantity::SpecificForce(one) => (place::SIGNAL + Target::Accelerometer(one).place(), place::ZERO),
             Quantity::Input | Quantity::InputMagnitude => (place::SIGNAL + target, place::ZERO),
         };
         Self {

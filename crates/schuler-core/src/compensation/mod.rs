@@ -26,7 +26,7 @@ mod evaluation;
 mod loop_response;
 
 pub use block::{
-    BLOCK_VERSION, Block, Calibration, Factor, Limits, MAX_TERMS, Quantity, Target, Term, Validity,
+    BLOCK_VERSION, Block, BlockHead, Calibration, Factor, Limits, MAX_TERMS, Quantity, Target, Term, Validity,
 };
 pub use evaluation::{Compensation, Compensator, Known, TermStatus};
 pub use loop_response::LoopResponse;

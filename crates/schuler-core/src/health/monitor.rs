@@ -85,6 +85,7 @@ impl<T: RealField + Copy, const LEVELS: usize> HealthMonitor<T, LEVELS> {
     /// One step with the readings of both sensors, m/s. `elapsed`: nominal steps since the last call, 1 in
     /// ordinary running; any number of them is the same work. Never panics; whatever the readings, the state
     /// stays usable.
+    #[inline(never)]
     pub fn step(
         &mut self,
         radio: &Reading<T>,

@@ -31,7 +31,7 @@ use crate::saved::{Saved, Walk, saved};
 /// Samples replayed per step.
 const REPLAY_SAMPLES: u32 = 256;
 /// Samples not replayed in a step that has laid out the wide bank: it takes as long.
-const LAYING_SAMPLES: u32 = 56;
+const LAYING_SAMPLES: u32 = 57;
 /// Samples replayed per step while lagged products are collected.
 const READ_OUT_SAMPLES: u32 = 192;
 /// Samples replayed per step with six states.
@@ -122,9 +122,10 @@ enum Phase {
 /// What is needed one after the other: the read-out, then the narrow bank that is laid around what it has found. There are
 /// two places, so that one narrow bank is in use while the next identification works in the other.
 ///
-/// The tag stands by itself, so that an identifier that waits is all zeros.
+/// The tag stands by itself, so that an identifier that waits is all zeros; a whole word, so that nothing lies between it and the
+/// zeros of an empty place, which would then be made on the stack first.
 #[derive(Clone, Copy, Debug)]
-#[repr(u8)]
+#[repr(u32)]
 #[expect(clippy::large_enum_variant, reason = "no heap to box it in")]
 enum Place {
     Bank(NarrowBank),

@@ -172,6 +172,7 @@ impl FaultIsolation {
     /// The same with the known error of each gyro in this sample, rad/s, which is taken off its reading. Range and
     /// repetition are judged by the readings as they came: a correction that follows the temperature would make a stuck
     /// gyro move.
+    #[inline(never)]
     pub fn step_corrected(
         &mut self,
         gyros: &[Reading<f64>; GYROS],

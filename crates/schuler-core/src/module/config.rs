@@ -79,6 +79,7 @@ impl ModuleConfig {
     ///
     /// # Errors
     /// The first field that cannot be flown.
+    #[inline(never)] // What it needs of the stack is free again when the module is built.
     pub fn validate(&self) -> Result<(), ConfigError> {
         self.filter.validate()?;
         self.identification.validate()?;

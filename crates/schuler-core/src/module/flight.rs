@@ -8,10 +8,10 @@ use super::thermometer::Thermometer;
 use super::time::{Clock, Passage};
 use super::velocity::{Identifier, VelocityChannel, usable};
 use super::{HEALTH_LEVELS, THERMOMETERS};
-use crate::compensation::{Block, Compensation, Compensator, Known};
+use crate::compensation::{Block, BlockHead, Compensation, Compensator, Known, Term};
 use crate::config::{ConfigError, Problem};
 use crate::health::{HealthConfig, HealthMonitor, HealthOutput};
-use crate::isolation::FaultIsolation;
+use crate::isolation::{FaultIsolation, IsolationOutput};
 use crate::reading::{Quality, Reading};
 use crate::saved::{Saved, Walk, saved};
 use crate::thermal::{TemperatureRateOutput, ThermalState};
@@ -27,14 +27,16 @@ pub struct FlightModule {
 /// Parts that are built one by one where they stay: together they are too large for a small stack.
 #[derive(Clone, Copy, Debug)]
 struct Parts {
+    isolation: Slot<FaultIsolation>,
     thermometers: [Slot<Thermometer>; THERMOMETERS],
     compensator: Slot<Compensator>,
     health: Slot<HealthMonitor<f32, HEALTH_LEVELS>>,
 }
 
-/// A part that is there once there is a configuration. The tag stands by itself, as in [`Stage`].
+/// A part that is there once there is a configuration. The tag stands by itself, as in [`Stage`]; it is as long as what may have
+/// to be aligned behind it, or else a part would be put together on the stack with the bytes in between.
 #[derive(Clone, Copy, Debug)]
-#[repr(u8)]
+#[repr(u64)]
 #[allow(clippy::large_enum_variant)] // Never moved.
 enum Slot<T> {
     Empty,
@@ -61,7 +63,6 @@ struct Running {
     /// The block in force has terms of the velocity channel.
     corrects_velocity: bool,
     velocity: VelocityChannel,
-    isolation: FaultIsolation,
     /// What happened since the last step, for its status.
     news: Status,
     /// What the block in force was called by whoever loaded it.
@@ -74,6 +75,7 @@ impl FlightModule {
     /// A module that waits for its configuration; until then every step answers [`Status::NOT_CONFIGURED`].
     pub const fn new() -> Self {
         let parts = Parts {
+            isolation: Slot::Empty,
             thermometers: [Slot::Empty; THERMOMETERS],
             compensator: Slot::Empty,
             health: Slot::Empty,
@@ -90,17 +92,7 @@ impl FlightModule {
     pub fn configure(&mut self, config: &ModuleConfig) -> Result<(), ConfigError> {
         // After this nothing fails.
         config.validate()?;
-        self.stage = Stage::Running(Running {
-            config: *config,
-            steps: 0,
-            clock: Clock::default(),
-            corrects_velocity: false,
-            velocity: VelocityChannel::try_build(&config.filter)?,
-            isolation: FaultIsolation::try_build(&config.isolation)?,
-            news: Status::empty(),
-            compensation_name: None,
-            incomplete: false,
-        });
+        self.stage.start(config)?;
         self.parts.start(config)?;
         self.identifier.start(&config.filter, &config.identification);
         Ok(())
@@ -112,15 +104,27 @@ impl FlightModule {
     ///
     /// # Errors
     /// The first field that cannot be flown, or that there is no configuration yet.
-    #[inline(never)]
     pub fn load_compensation(&mut self, block: &Block) -> Result<(), ConfigError> {
+        self.load_terms(&block.head(), block.terms.iter().copied())
+    }
+
+    /// The same of a block whose terms come one by one, three times over.
+    ///
+    /// # Errors
+    /// As [`load_compensation`](Self::load_compensation), and more terms than a block has.
+    #[inline(never)]
+    pub fn load_terms(
+        &mut self,
+        head: &BlockHead,
+        mut terms: impl Iterator<Item = Term> + Clone,
+    ) -> Result<(), ConfigError> {
         let (Stage::Running(running), Slot::Full(compensator)) =
             (&mut self.stage, &mut self.parts.compensator)
         else {
             return Err(ConfigError::new("compensation", Problem::BeforeConfiguration));
         };
-        compensator.load(block)?;
-        let corrects_velocity = block.has_velocity_terms();
+        compensator.load_terms(head, terms.clone())?;
+        let corrects_velocity = terms.any(|term| term.target.is_of_velocity());
         if corrects_velocity || running.corrects_velocity {
             running.velocity = VelocityChannel::try_build(&running.config.filter)?;
             self.identifier.start(&running.config.filter, &running.config.identification);
@@ -213,14 +217,44 @@ impl Default for FlightModule {
     }
 }
 
+// What follows stands by itself: what one of them needs of the stack the others have no use for.
+impl Stage {
+    #[inline(never)]
+    fn start(&mut self, config: &ModuleConfig) -> Result<(), ConfigError> {
+        *self = Self::Running(Running {
+            config: *config,
+            steps: 0,
+            clock: Clock::default(),
+            corrects_velocity: false,
+            velocity: VelocityChannel::try_build(&config.filter)?,
+            news: Status::empty(),
+            compensation_name: None,
+            incomplete: false,
+        });
+        Ok(())
+    }
+}
+
 impl Parts {
     /// Starts all of them; the configuration has been checked.
     fn start(&mut self, config: &ModuleConfig) -> Result<(), ConfigError> {
+        self.start_thermometers(config)?;
+        self.start_isolation(config)?;
+        self.start_compensator();
+        self.start_health(config)
+    }
+
+    #[inline(never)]
+    fn start_thermometers(&mut self, config: &ModuleConfig) -> Result<(), ConfigError> {
         for (thermometer, config) in self.thermometers.iter_mut().zip(&config.thermometers) {
             *thermometer = Slot::Full(Thermometer::try_build(config.as_ref())?);
         }
-        self.start_compensator();
-        self.start_health(config)
+        Ok(())
+    }
+
+    #[inline(never)]
+    fn start_isolation(&mut self, config: &ModuleConfig) -> Result<(), ConfigError> {
+        FaultIsolation::try_build(&config.isolation).map(|block| self.isolation = Slot::Full(block))
     }
 
     #[inline(never)]
@@ -299,7 +333,10 @@ impl Running {
             (Some(reading), Some(corrected)) => value_of(*reading).map_or(0.0, |value| value - corrected),
             _ => 0.0,
         });
-        let isolation = self.isolation.step_corrected(&gyros, &errors, readmit);
+        let isolation = match &mut parts.isolation {
+            Slot::Full(block) => block.step_corrected(&gyros, &errors, readmit),
+            Slot::Empty => IsolationOutput::default(),
+        };
 
         // Health monitor.
         let listened = |reading: &Reading<f32>| match config.health {
@@ -336,12 +373,11 @@ saved!([] Running {
     clock,
     corrects_velocity,
     velocity,
-    isolation,
     news,
     compensation_name;
     fixed config, incomplete
 });
-saved!([] Parts { thermometers, compensator, health; fixed });
+saved!([] Parts { isolation, thermometers, compensator, health; fixed });
 
 /// Full from the configuration on; before, nothing is saved.
 impl<T: Saved> Saved for Slot<T> {

@@ -20,7 +20,7 @@ use super::FlightModule;
 use crate::saved::{Checksum, Walk};
 
 /// Version of the block: what is saved, and in which order.
-pub const STATE_VERSION: u32 = 2;
+pub const STATE_VERSION: u32 = 3;
 
 const MAGIC: [u8; 4] = *b"SCHS";
 /// Magic, version, length, fingerprint.

@@ -90,6 +90,7 @@ impl VelocityChannel {
 
     /// One step. `measured`: velocity error, m/s, less the known error of its measurement; `loop_errors`: known errors of
     /// accelerometer, m/s², and gyro, rad/s, in the loop.
+    #[inline(never)]
     pub(super) fn step(
         &mut self,
         identifier: &mut Identifier,

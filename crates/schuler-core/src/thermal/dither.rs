@@ -7,6 +7,7 @@
 //! within a factor of two of its error for noise from 0.2 to 3 quanta.
 use super::regression::Estimate;
 use super::{Scalar, real};
+use crate::number::select;
 use crate::saved::{Blank, saved};
 
 /// The level reversed this recently, s, counts as dithering now.
@@ -44,13 +45,13 @@ impl<F: Scalar> Dither<F> {
     /// Takes the change of level (degC) of a step of `dt` seconds, at most 300.
     pub(super) fn update(&mut self, dt: F, change: F) {
         let (rises, falls) = (change > F::zero(), change < F::zero());
-        let reversed = (rises && !self.rose) || (falls && self.rose);
-        self.rose = rises || (self.rose && !falls);
+        let reversed = (rises & !self.rose) | (falls & self.rose);
+        self.rose = rises | (self.rose & !falls);
         self.elapsed = (self.elapsed + dt).min(real(MEMORY.1));
-        self.since_reversal = if reversed { F::zero() } else { (self.since_reversal + dt).min(real(1e6)) };
-        let now = if self.since_reversal <= real(RECENT) { F::one() } else { F::zero() };
+        self.since_reversal = select(reversed, F::zero(), (self.since_reversal + dt).min(real(1e6)));
+        let now = select(self.since_reversal <= real(RECENT), F::one(), F::zero());
         self.share += (now - self.share) * dt / self.elapsed.max(real(MEMORY.0));
-        self.found = self.share > real(if self.found { SHARE.1 } else { SHARE.0 });
+        self.found = self.share > select(self.found, real(SHARE.1), real(SHARE.0));
     }
 
     pub(super) fn found(&self) -> bool {
@@ -99,7 +100,7 @@ impl<F: Scalar> ConstantRate<F> {
         // A reading far away teaches little of the noise; three in a row are a temperature that jumped.
         let far = real::<F>(OUTLYING) * self.innovation;
         let square = innovation * innovation;
-        self.misses = if square > far { self.misses.saturating_add(1) } else { 0 };
+        self.misses = select(square > far, self.misses.saturating_add(1), 0);
         let jumped = self.misses >= JUMP_SAMPLES;
         self.innovation += (square.min(far) - self.innovation) * (dt / real(VARIANCE_MEMORY));
         let s = a1 + (self.innovation - a1).max(self.rounding);

@@ -237,14 +237,14 @@ impl<F: Scalar> TemperatureRate<F> {
     pub fn step(&mut self, time_ms: u64, reading: &Reading<F>) -> TemperatureRateOutput<F> {
         let now_ms = time_ms.saturating_sub(u64::from(reading.age_ms)).saturating_add(EPOCH_MS);
         let y = reading.value;
-        let usable = reading.quality == Quality::Good
-            && y.is_finite()
-            && y >= real(VALID_RANGE.0)
-            && y <= real(VALID_RANGE.1);
+        let usable = (reading.quality == Quality::Good)
+            & y.is_finite()
+            & (y >= real(VALID_RANGE.0))
+            & (y <= real(VALID_RANGE.1));
         let backwards = self.started & (now_ms <= self.running.last_ms);
-        self.clock_faults = if usable && backwards { self.clock_faults.saturating_add(1) } else { 0 };
+        self.clock_faults = select(usable & backwards, self.clock_faults.saturating_add(1), 0);
         let clock_was_set = self.clock_faults >= CLOCK_PATIENCE;
-        let accepted = usable && (!backwards || clock_was_set);
+        let accepted = usable & (!backwards | clock_was_set);
 
         // The whole step is worked out on a copy, with zero in place of an unusable reading, and kept if accepted. The
         // window, too large to be copied, changes only then.
@@ -258,7 +258,7 @@ impl<F: Scalar> TemperatureRate<F> {
         let mut counts = self.counts;
         self.window.restart_if(begins & accepted, now_ms, y + self.config.middle());
         running.update(&mut self.window, accepted, now_ms, y, &self.config, &mut counts);
-        self.window.expire_if(accepted, now_ms, u64::from(self.config.window_s) * 1000);
+        self.window.expire_if(accepted, now_ms, u32::from(self.config.window_s) * 1000);
         running.fit = Fit::of(&self.window, self.config.model());
         running.last_ms = now_ms;
         counts.restarts = counts.restarts.saturating_add(u32::from(restarted));
@@ -345,7 +345,7 @@ impl<F: Scalar> Running<F> {
         self.misses = select(missed, self.misses.saturating_add(1), 0);
 
         let newest = window.newest();
-        let since_newest_ms = now_ms.saturating_sub(newest.time_ms);
+        let since_newest_ms = u64::from(newest.age_ms(now_ms));
         let same_threshold = self.newest_crossed & ((threshold - newest.value).abs() < q * real(0.25));
         let chatter_ms = u64::from(config.chatter_s) * 1000;
 
@@ -363,7 +363,7 @@ impl<F: Scalar> Running<F> {
         self.chatter = *select(crossing, &Chatter::start(now_ms), &self.chatter);
         window.move_newest_if(accepted & moved, middle_of_crossings_ms);
         let value = select(crossing, threshold, middle);
-        window.push_if(accepted & stored, Entry { time_ms: now_ms, value });
+        window.push_if(accepted & stored, Entry::new(now_ms, value));
         self.newest_crossed = crossing | (self.newest_crossed & !stored);
         self.misses = select(stored, 0, self.misses);
         counts.crossings = counts.crossings.saturating_add(u32::from(crossing));
@@ -394,13 +394,14 @@ impl Chatter {
     }
 
     fn continues(&self, now_ms: u64, spacing_ms: u64, cluster_ms: u64) -> bool {
-        now_ms.saturating_sub(self.last_ms) <= spacing_ms && now_ms.saturating_sub(self.first_ms) < cluster_ms
+        (now_ms.saturating_sub(self.last_ms) <= spacing_ms)
+            & (now_ms.saturating_sub(self.first_ms) < cluster_ms)
     }
 
     /// Takes one more crossing; returns the instant of the single crossing that spends as long on the old side.
     fn cross(&mut self, now_ms: u64) -> u64 {
         let since_ms = now_ms.saturating_sub(self.last_ms);
-        self.old_side_ms += if self.on_old_side { since_ms } else { 0 };
+        self.old_side_ms += select(self.on_old_side, since_ms, 0);
         self.on_old_side = !self.on_old_side;
         self.last_ms = now_ms;
         self.first_ms + self.old_side_ms

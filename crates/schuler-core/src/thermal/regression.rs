@@ -8,8 +8,8 @@
 //! which is as stable as Householder for least squares (Björck 1967). The weak prior on `x1` and `x2` is two more
 //! rows. The triangular factor is the one that Givens rotations of all rows would give, at a fifth of the work:
 //! always all 64 places, those not in use masked, so the work does not depend on the data.
-use super::window::{RING, Window};
-use super::{Scalar, real, seconds_between};
+use super::window::{Entry, RING, Window};
+use super::{Scalar, real};
 use crate::saved::{Blank, saved};
 
 /// Prior sigma of the rate, degC/s: 100 degC/h.
@@ -30,9 +30,9 @@ pub struct Model<F> {
 #[derive(Clone, Copy, Debug)]
 pub struct Fit<F> {
     model: Model<F>,
-    origin_ms: u64,
-    /// `z_r`, degC: kept apart, so that what is measured from it is rounded alike at every temperature.
-    reference: F,
+    /// The newest entry, at `t_r`; `z_r` is kept apart, so that what is measured from it is rounded alike at every
+    /// temperature.
+    newest: Entry<F>,
     /// x0, degC.
     offset: F,
     /// x1, degC.
@@ -67,8 +67,7 @@ impl<F: Scalar> Fit<F> {
         let (zero, one) = (F::zero(), F::one());
         Self {
             model: Model { time_constant: one, sigma: zero },
-            origin_ms,
-            reference: level,
+            newest: Entry::new(origin_ms, level),
             offset: zero,
             slope: zero,
             curvature: zero,
@@ -131,8 +130,7 @@ impl<F: Scalar> Fit<F> {
         let slope = gain - shear * curvature;
         Self {
             model,
-            origin_ms: newest.time_ms,
-            reference: newest.value,
+            newest,
             offset: mean_z - slope * mean_s - curvature * mean_b2,
             slope,
             curvature,
@@ -148,8 +146,8 @@ impl<F: Scalar> Fit<F> {
     /// How far the model lies above `value` (degC) at `time_ms`: the same to the last bit at every temperature, when
     /// `value` lies on the grid of the thermometer.
     pub fn above(&self, value: F, time_ms: u64) -> F {
-        let s = seconds_between::<F>(self.origin_ms, time_ms) / self.model.time_constant;
-        (self.reference - value) + self.above_reference(s, exponential_remainder(-s))
+        let s = self.newest.seconds_until(time_ms) / self.model.time_constant;
+        (self.newest.value - value) + self.above_reference(s, exponential_remainder(-s))
     }
 
     /// `x0 + x1·s + x2·b2`, degC [TMP-3].
@@ -160,7 +158,7 @@ impl<F: Scalar> Fit<F> {
     /// Temperature and rate at `time_ms` [TMP-3] with their sigmas `|R^-T b|` [TMP-7].
     pub fn at(&self, time_ms: u64) -> Estimate<F> {
         let tp = self.model.time_constant;
-        let s = seconds_between::<F>(self.origin_ms, time_ms) / tp;
+        let s = self.newest.seconds_until(time_ms) / tp;
         let b2 = exponential_remainder(-s);
         // 1 − exp(−s), without its cancellation.
         let rise = s - b2;
@@ -171,7 +169,7 @@ impl<F: Scalar> Fit<F> {
         let d1 = F::one() / self.r_slope;
         let d2 = (rise - self.shear) / self.r_curvature;
         Estimate {
-            temperature: self.reference + self.above_reference(s, b2),
+            temperature: self.newest.value + self.above_reference(s, b2),
             rate: (self.slope + self.curvature * rise) / tp,
             temperature_sigma: self.model.sigma * (self.inverse_count + t1 * t1 + t2 * t2).sqrt(),
             rate_sigma: self.model.sigma * (d1 * d1 + d2 * d2).sqrt() / tp,
@@ -198,8 +196,7 @@ pub fn exponential_remainder<F: Scalar>(u: F) -> F {
 saved!([F: Blank] Model<F> { time_constant, sigma });
 saved!([F: Blank] Fit<F> {
     model,
-    origin_ms,
-    reference,
+    newest,
     offset,
     slope,
     curvature,
