@@ -333,3 +333,17 @@ fn index(field: &'static str, value: u8, count: usize) -> Result<(), ConfigError
 }
 
 saved!([] Validity { temperature_range, rate_limit });
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn more_terms_than_a_block_has_are_refused() {
+        let terms = |count| core::iter::repeat_n(Term::default(), count);
+        let head = BlockHead::default();
+        assert_eq!(head.validate(terms(MAX_TERMS)), Ok(()));
+        let error = ConfigError::new("compensation.terms", Problem::OutOfRange);
+        assert_eq!(head.validate(terms(MAX_TERMS + 1)), Err(error));
+    }
+}

@@ -291,7 +291,7 @@ impl<F: Scalar> TemperatureRate<F> {
         self.counts
     }
 
-    /// The updates in use, oldest first; times in ms on the clock of the readings plus 360 000.
+    /// The updates in use, oldest first; times in ms on the clock of the readings plus 360 000, modulo 2³².
     pub fn entries(&self) -> impl Iterator<Item = Entry<F>> + '_ {
         let window = self.started.then_some(&self.window);
         window.into_iter().flat_map(|w| (0..w.len()).map(|age| w.entry(age)))
