@@ -1,8 +1,9 @@
 //! The gain of a filter over a stretch without missing rows, by a few of its rows.
 //!
-//! The covariance that is predicted s steps on, P(k+s) = Q + A P(k) (1 + G P(k))⁻¹ Aᵀ, has the form of that of one step,
-//! for which A = Φ and G = HᵀR⁻¹H; that of twice as many steps follows by the doubling of Anderson (1978) and Chu, Fan &
-//! Lin (2005). Slow noise keeps a gain from settling for most of a record, but the longer it has been going on the slower
+//! Of the predicted covariance P, M = P − Q is what comes from the rows before. A step sees it through the noise R + HQHᵀ, which is
+//! there also where the instrument has no white noise, R = 0. That of s steps on, M(k+s) = D + A M(k) (1 + G M(k))⁻¹ Aᵀ, has the
+//! form of that of one step, for which, with V = (R + HQHᵀ)⁻¹: G = HᵀVH, A = Φ(1 − QHᵀVH), D = Φ(Q − QHᵀVHQ)Φᵀ;
+//! that of twice as many steps follows by the doubling of Anderson (1978) and Chu, Fan & Lin (2005). Slow noise keeps a gain from settling for most of a record, but the longer it has been going on the slower
 //! it changes: between rows that are computed exactly it is a cubic. Their distance is doubled when cubics through every
 //! second of them give those between to [`INTERPOLATED`], so that an oscillation is seen long before it is stepped over.
 use std::collections::VecDeque;
@@ -19,7 +20,7 @@ const SETTLED: f64 = 1e-9;
 /// Computed rows by which it is decided whether their distance can be doubled.
 const JUDGED: usize = 9;
 
-/// Covariance over a number of steps; states in units of their own spread.
+/// M over a number of steps; states in units of their own spread.
 struct Steps {
     states: usize,
     transition: Vec<f64>,
@@ -45,7 +46,7 @@ pub struct Course {
 }
 
 /// The course of the gain over `rows` rows that are all present, from the predicted `covariance`; `measure` gives the gain
-/// and ln det S for a predicted covariance. `None` where the white noise is singular or something is not finite.
+/// and ln det S for a predicted covariance. `None` where R + HQHᵀ is singular or something is not finite.
 pub fn course(
     space: &Space,
     white: &[f64],
@@ -55,7 +56,13 @@ pub fn course(
 ) -> Option<Course> {
     let units = units(space, covariance);
     let mut doubled = vec![Steps::one(space, white, &units)?];
-    let mut scaled = with_units(covariance, &units, |value, unit| value / unit);
+    let from_before: Vec<f64> = covariance.iter().zip(&space.driven).map(|(p, q)| p - q).collect();
+    let start = with_units(&from_before, &units, |value, unit| value / unit);
+    let predicted = |scaled: &[f64]| -> Vec<f64> {
+        let from_before = with_units(scaled, &units, |value, unit| value * unit);
+        from_before.iter().zip(&space.driven).map(|(m, q)| m + q).collect()
+    };
+    let mut scaled = start.clone();
     let mut work = Work::default();
     let mut natural = covariance.to_vec();
     let mut computed: Vec<Computed> = Vec::new();
@@ -97,19 +104,19 @@ pub fn course(
         }
         doubled[power].apply(&mut scaled, &mut work)?;
         row += 1 << power;
-        natural = with_units(&scaled, &units, |value, unit| value * unit);
+        natural = predicted(&scaled);
     }
     // Where the stretch ends.
     if !settled && row != rows {
         // The last computed row is beyond the end; from the start by powers of two.
         let mut left = rows;
-        scaled = with_units(covariance, &units, |value, unit| value / unit);
+        scaled = start;
         while left > 0 {
             let power = (left.ilog2() as usize).min(doubled.len() - 1);
             doubled[power].apply(&mut scaled, &mut work)?;
             left -= 1 << power;
         }
-        natural = with_units(&scaled, &units, |value, unit| value * unit);
+        natural = predicted(&scaled);
     }
     let (gains, log_variances) = between(&computed, rows);
     let finite = gains.iter().all(|value| value.is_finite());
@@ -203,21 +210,25 @@ impl Steps {
     fn one(space: &Space, white: &[f64], units: &[f64]) -> Option<Self> {
         let (n, m) = (space.states, space.channels);
         let seen = DMatrix::from_fn(m, n, |c, i| space.seen[c * n + i] * units[i]);
-        let white = DMatrix::from_row_slice(m, m, white);
-        // R⁻¹ only where it is far from singular.
-        let root = white.clone().cholesky()?;
-        let singular = (0..m).any(|c| root.l_dirty()[(c, c)].powi(2) < 1e-9 * white[(c, c)]);
+        let driven = DMatrix::from_fn(n, n, |i, j| space.driven[i * n + j] / units[i] / units[j]);
+        let transition = DMatrix::from_fn(n, n, |i, j| space.transition[i * n + j] * units[j] / units[i]);
+        let crossed = &driven * seen.transpose();
+        let noise = DMatrix::from_row_slice(m, m, white) + &seen * &crossed;
+        // Its inverse only where it is far from singular.
+        let root = noise.clone().cholesky()?;
+        let singular = (0..m).any(|c| root.l_dirty()[(c, c)].powi(2) < 1e-9 * noise[(c, c)]);
         if singular {
             return None;
         }
-        let information = seen.transpose() * root.solve(&seen);
+        // QHᵀVH and QHᵀVHQ.
+        let weighted = &crossed * root.solve(&seen);
+        let known = &crossed * root.solve(&crossed.transpose());
+        let left = &transition * (DMatrix::identity(n, n) - weighted);
         Some(Self {
             states: n,
-            transition: (0..n * n)
-                .map(|flat| space.transition[flat] * units[flat % n] / units[flat / n])
-                .collect(),
-            information: by_rows(&information),
-            driven: with_units(&space.driven, units, |value, unit| value / unit),
+            information: by_rows(&halves(seen.transpose() * root.solve(&seen))),
+            driven: by_rows(&halves(&transition * (driven - known) * transition.transpose())),
+            transition: by_rows(&left),
         })
     }
 
@@ -231,7 +242,6 @@ impl Steps {
         let inverse = (unit + &q * &g).try_inverse()?;
         let driven = &q + &a * &inverse * &q * a.transpose();
         let information = &g + a.transpose() * inverse.transpose() * &g * &a;
-        let halves = |m: DMatrix<f64>| 0.5 * (&m + m.transpose());
         Some(Self {
             states: n,
             transition: by_rows(&(&a * &inverse * &a)),
@@ -240,17 +250,17 @@ impl Steps {
         })
     }
 
-    /// P becomes what it is after the steps. `None` where something is singular.
+    /// M becomes what it is after the steps. `None` where something is singular.
     fn apply(&self, covariance: &mut [f64], work: &mut Work) -> Option<()> {
         let n = self.states;
-        // (1 + P G) X = P.
+        // (1 + M G) X = M.
         let Work { left, right } = work;
         product(covariance, &self.information, n, left);
         for i in 0..n {
             left[i * n + i] += 1.0;
         }
         eliminate(left, covariance, n)?;
-        // A X Aᵀ + Q.
+        // A X Aᵀ + D.
         product(&self.transition, covariance, n, right);
         for i in 0..n {
             for j in 0..=i {
@@ -266,6 +276,11 @@ impl Steps {
         }
         Some(())
     }
+}
+
+/// The symmetric part.
+fn halves(matrix: DMatrix<f64>) -> DMatrix<f64> {
+    0.5 * (&matrix + matrix.transpose())
 }
 
 fn by_rows(matrix: &DMatrix<f64>) -> Vec<f64> {
@@ -375,6 +390,21 @@ mod tests {
                 exp_cos: vec![ExponentialCosine { sigma: 5e-8, alpha: 1e-4, beta: 0.02 }],
                 markov: vec![markov(1e-8, 1e3)],
                 ..white
+            },
+            // Without white noise.
+            Noise { markov: vec![markov(2e-7, 30.0), markov(1e-8, 3e3)], ..Noise::default() },
+            Noise { flicker: Flicker { sigma: 1e-8, tau_s: [2.0, 3e4] }, ..Noise::default() },
+            Noise {
+                exp_cos: vec![ExponentialCosine { sigma: 5e-8, alpha: 1e-4, beta: 0.02 }],
+                ..Noise::default()
+            },
+            Noise {
+                exp_cos: vec![
+                    ExponentialCosine { sigma: 1.0, alpha: 2e-3, beta: 7e-3 },
+                    ExponentialCosine { sigma: 0.3, alpha: 1e-5, beta: 3e-4 },
+                ],
+                markov: vec![markov(0.3, 111.0)],
+                ..Noise::default()
             },
         ];
         let rows = 30_000;
