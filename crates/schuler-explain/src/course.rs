@@ -12,11 +12,13 @@ use nalgebra::DMatrix;
 
 use crate::whiten::Space;
 
-/// Error of a gain, as a part of its largest value near by, where it is interpolated at twice the distance; at the
-/// distance itself it is a sixteenth.
+/// Error of a gain, as a part of its size, where it is interpolated at twice the distance; at the distance itself it is
+/// a sixteenth.
 const INTERPOLATED: f64 = 3e-6;
-/// Change from one computed row to the next, as a part of the value, below which a gain has settled.
+/// Change from one computed row to the next, as a part of its size, below which a gain has settled.
 const SETTLED: f64 = 1e-9;
+/// Least size of the gains of a state, as a part of what they can be at most: what is smaller may be nothing but rounding.
+const LEAST_SIZE: f64 = 1e-3;
 /// Computed rows by which it is decided whether their distance can be doubled.
 const JUDGED: usize = 9;
 
@@ -32,6 +34,8 @@ struct Steps {
 struct Computed {
     row: usize,
     gain: Vec<f64>,
+    /// Of each gain, what its errors are measured by.
+    sizes: Vec<f64>,
     log_variance: f64,
 }
 
@@ -76,14 +80,16 @@ pub fn course(
         if !log_variance.is_finite() {
             return None;
         }
-        settled = settled || computed.last().is_some_and(|last| change(&last.gain, &gain) < SETTLED);
+        let sizes = sizes(space, &natural, &gain);
+        let here = Computed { row, gain, sizes, log_variance };
+        settled = settled || computed.last().is_some_and(|last| last.is_near(&here, SETTLED));
         judged.push_back(computed.len());
-        computed.push(Computed { row, gain, log_variance });
+        computed.push(here);
         if settled || row + 1 >= rows {
             break;
         }
         if judged.len() == JUDGED {
-            let at = |place: usize| &computed[judged[place]].gain;
+            let at = |place: usize| &computed[judged[place]];
             let smooth = [1, 3, 5, 7].into_iter().all(|place| {
                 let first = if place == 1 { 0 } else { (place - 3).min(2) };
                 let nodes = [first, first + 2, first + 4, first + 6];
@@ -136,21 +142,34 @@ fn units(space: &Space, covariance: &[f64]) -> Vec<f64> {
     (0..n).map(|i| if spread(i) > 0.0 { spread(i).sqrt() } else { 1.0 }).collect()
 }
 
-/// Largest change of a gain, as a part of its largest values.
-fn change(before: &[f64], now: &[f64]) -> f64 {
-    let relative = before.iter().zip(now).map(|(before, now)| {
-        let size = before.abs().max(now.abs());
-        if size > 0.0 { (now - before).abs() / size } else { 0.0 }
+/// What the errors of each gain are measured by. A gain of a state and a channel in units of their standard deviations, √P and √S,
+/// is at most one, and a state's largest stands for all of its gains: one of them may be zero but for rounding. Elements of the
+/// whitening matrix are measured by its diagonal.
+fn sizes(space: &Space, predicted: &[f64], gain: &[f64]) -> Vec<f64> {
+    let (n, m) = (space.states, space.channels);
+    let (gains, whitening) = gain.split_at(n * m);
+    let channels: Vec<f64> = (0..m).map(|c| whitening[c * m + c].abs()).collect();
+    let of_states = gains.chunks_exact(m).enumerate().flat_map(|(i, gains)| {
+        let largest = gains.iter().zip(&channels).map(|(gain, unit)| gain.abs() / unit).fold(0.0, f64::max);
+        let size = largest.max(LEAST_SIZE * predicted[i * n + i].max(0.0).sqrt());
+        channels.iter().map(move |unit| size * unit)
     });
-    relative.fold(0.0, f64::max)
+    of_states.chain((0..m).flat_map(|_| channels.iter().copied())).collect()
+}
+
+impl Computed {
+    /// Whether no gain differs by more than a part of its size.
+    fn is_near(&self, other: &Self, part: f64) -> bool {
+        let sizes = self.sizes.iter().zip(&other.sizes).map(|(a, b)| a.max(*b));
+        self.gain.iter().zip(&other.gain).zip(sizes).all(|((a, b), size)| (a - b).abs() <= part * size)
+    }
 }
 
 /// Whether an interpolation gives a gain.
-fn agrees(nodes: [&Vec<f64>; 4], weights: [f64; 4], gain: &[f64]) -> bool {
-    gain.iter().enumerate().all(|(place, value)| {
-        let values = nodes.map(|node| node[place]);
-        let found: f64 = values.iter().zip(weights).map(|(value, weight)| value * weight).sum();
-        let size = values.iter().fold(value.abs(), |size, value| size.max(value.abs()));
+fn agrees(nodes: [&Computed; 4], weights: [f64; 4], at: &Computed) -> bool {
+    at.gain.iter().zip(&at.sizes).enumerate().all(|(place, (value, size))| {
+        let found: f64 = nodes.iter().zip(weights).map(|(node, weight)| node.gain[place] * weight).sum();
+        let size = nodes.iter().fold(*size, |size, node| size.max(node.sizes[place]));
         (found - value).abs() <= INTERPOLATED * size
     })
 }
