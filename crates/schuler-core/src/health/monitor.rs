@@ -137,7 +137,7 @@ impl<T: RealField + Copy, const LEVELS: usize> HealthMonitor<T, LEVELS> {
             log_likelihood: evidence.log_likelihood,
             ..HealthOutput::default()
         };
-        read_probabilities(&mut output, &now, self.normal_levels);
+        read_probabilities(&mut output, &now.weights, self.normal_levels);
         let radio = radio_usable.then_some(radio.value);
         let inertial = inertial_usable.then_some(inertial.value);
         read_estimates(&mut output, &now.over_modes(), radio, inertial, present);
@@ -187,17 +187,18 @@ impl<T: RealField + Copy, const LEVELS: usize> State<T, LEVELS> {
 
 fn read_probabilities<T: RealField + Copy, const LEVELS: usize>(
     output: &mut HealthOutput<T, LEVELS>,
-    now: &Recursion<T, LEVELS>,
+    weights: &[[T; LEVELS]; 2],
     normal_levels: usize,
 ) {
-    output.mode_probability = now.weights;
-    let [absent, present] = &now.weights;
+    output.mode_probability = *weights;
+    let [absent, present] = weights;
     let sum_from =
         |row: &[T; LEVELS], first: usize| row.iter().skip(first).fold(T::zero(), |sum, &w| sum + w);
-    output.p_jump = sum_from(present, 0);
-    // Summed, not one less the rest: a small probability keeps its digits in single precision.
-    output.p_noise = sum_from(absent, normal_levels) + sum_from(present, normal_levels);
-    output.p_fault = output.p_jump + sum_from(absent, normal_levels);
+    // Summed, not one less the rest: a small probability keeps its digits in single precision. Rounding may take a sum beyond one.
+    let probability = |sum: T| sum.min(T::one());
+    output.p_jump = probability(sum_from(present, 0));
+    output.p_noise = probability(sum_from(absent, normal_levels) + sum_from(present, normal_levels));
+    output.p_fault = probability(output.p_jump + sum_from(absent, normal_levels));
 }
 
 fn read_estimates<T: RealField + Copy, const LEVELS: usize>(
@@ -230,3 +231,18 @@ saved!([T: Blank, const LEVELS: usize] HealthMonitor<T, LEVELS> {
     fixed priors, ladder, thresholds, normal_levels, inertial_bound, attribution_steps, unobserved_steps, bridged_steps, max_age_ms
 });
 saved!([T: Blank, const LEVELS: usize] State<T, LEVELS> { recursion, started, silence, rejected, jump_steps, alarms });
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Weights of a flight in single precision, of which the three with a fault sum up to 1.0000001.
+    #[test]
+    fn rounding_takes_no_probability_beyond_one() {
+        let weights = [[1.296_987_2e-9_f32, 0.226_948_57], [0.531_888_9, 0.241_162_57]];
+        assert!(weights[1][0] + weights[1][1] + weights[0][1] > 1.0);
+        let mut output = HealthOutput::default();
+        read_probabilities(&mut output, &weights, 1);
+        assert_eq!(output.p_fault.to_bits(), 1.0_f32.to_bits());
+    }
+}
