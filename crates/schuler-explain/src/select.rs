@@ -10,8 +10,8 @@
 //! a change of noise was taken, the search is therefore done once more with terms first and noise after, and the better
 //! description of the two stands: the one with the larger log-likelihood less what its items cost. In the same way one
 //! change of noise may imitate two of other sources in the same channel, and gain more than either: where sources meet and
-//! a change was taken, the search is done again without it, and once from all parts that the user names, with the values
-//! that fit best together.
+//! a change was taken, the search goes on from the description without it, and once from all parts that the user names, with the
+//! values that fit best together.
 use rayon::prelude::*;
 
 use crate::catalogue::{Candidate, NoiseChange, Search, Target};
@@ -105,36 +105,46 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
     let first = Promised::new(&bench, &whole, &family);
     drop((bench, whole));
     let ln_level = level.ln();
-    let searched = |way: Way| {
-        let found = match way {
-            Way::Parts(block) => {
-                let (start, bench, _) =
-                    pruned(case, parts(case, &null, block), Vec::new(), &family, ln_level);
-                let mut promised = first.clone();
-                promised.renew(&bench, &family, &|candidate| touches(case, candidate, &[block]));
-                forward(case, &start, &family, ln_level, way, promised)
-            }
-            _ => forward(case, &null, &family, ln_level, way, first.clone()),
-        };
+    let valued = |found: Found<'c>| {
         let found = merged(case, found, &family, ln_level);
         (worth(case, &found, &family), found)
     };
-    let straight = searched(Way::Best);
+    let from_nothing =
+        |way: Way| valued(forward(case, (null.clone(), Vec::new()), &family, ln_level, way, first.clone()));
+    // From another description, pruned.
+    let from = |start: State, prices: Vec<Price>, way: Way| {
+        let (start, bench, prices) = pruned(case, start, prices, &family, ln_level);
+        let stale = changed_blocks(case.model, &null, &start);
+        let mut promised = first.clone();
+        promised.renew(&bench, &family, &|candidate| touches(case, candidate, &stale));
+        valued(forward(case, (start, prices), &family, ln_level, way, promised))
+    };
+    let straight = from_nothing(Way::Best);
+    let (best, _, prices) = &straight.1;
     let mut others = Vec::new();
-    if !straight.1.0.changes.is_empty() {
+    if !best.changes.is_empty() {
         others.push(Way::TermsFirst);
     }
     for (index, block) in case.model.blocks.iter().enumerate() {
-        let own = straight.1.0.changes.iter().filter(|change| block.sources.contains(&change.source));
+        let own = best.changes.iter().filter(|change| block.sources.contains(&change.source));
         let without: Vec<Way> = own.map(|change| Way::Without(change.candidate)).collect();
         if block.channels < block.sources.len() && !without.is_empty() {
             others.extend(without);
             others.push(Way::Parts(index));
         }
     }
-    let found = others.into_iter().map(searched);
+    let searched = |way: Way| match way {
+        Way::Best | Way::TermsFirst => from_nothing(way),
+        Way::Without(candidate) => {
+            let place = best.changes.iter().position(|change| change.candidate == candidate);
+            let less = place.map(|place| without(case, best, Item::Change(place)).0);
+            from(less.unwrap_or_else(|| best.clone()), prices.clone(), way)
+        }
+        Way::Parts(block) => from(parts(case, &null, block), Vec::new(), way),
+    };
+    let found: Vec<_> = others.into_par_iter().map(searched).collect();
     let (_, (state, bench, prices)) =
-        found.fold(straight, |best, other| if other.0 > best.0 { other } else { best });
+        found.into_iter().fold(straight, |best, other| if other.0 > best.0 { other } else { best });
     let shown = shown_up_to(case, &state, &prices, &family, f64::INFINITY);
     Selection { state, bench, family, shown, null }
 }
@@ -146,7 +156,7 @@ enum Way {
     Best,
     /// Terms while there are any, then what shows most.
     TermsFirst,
-    /// What shows most, but for the change of noise that is this candidate.
+    /// From the best description without the change of noise that is this candidate: what shows most but for it.
     Without(usize),
     /// What shows most beside the nominal parts of the noises of a block with other values.
     Parts(usize),
@@ -223,19 +233,17 @@ fn worth(case: &Case<'_>, (state, _, prices): &Found<'_>, family: &Family) -> f6
     state.log_likelihood - shown(case, state, prices, family).iter().map(cost).sum::<f64>()
 }
 
-/// Rounds of the search from `start`, where terms promise what `promised` says.
+/// Rounds of the search from a description and the prices of its terms, where terms promise what `promised` says.
 fn forward<'c>(
     case: &'c Case<'c>,
-    start: &State,
+    (mut state, mut prices): (State, Vec<Price>),
     family: &Family,
     ln_level: f64,
     way: Way,
     mut promised: Promised,
 ) -> Found<'c> {
-    let mut state = start.clone();
     let mut bench = Bench::new(case, &state.terms, &state.noises);
     let mut terms_only = way == Way::TermsFirst;
-    let mut prices: Vec<Price> = Vec::new();
     let mut noises: Vec<(usize, ChangeFit)> = Vec::new();
     // Blocks whose changes of noise are to be fitted anew.
     let mut unfitted: Vec<usize> = (0..case.model.blocks.len()).collect();
