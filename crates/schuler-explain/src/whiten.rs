@@ -552,7 +552,9 @@ fn gains(
 /// One channel and few states.
 #[derive(Clone)]
 struct Few<const N: usize> {
-    transition: Square<N>,
+    /// Φ: its diagonal, and what is not zero beside it. Most states are first-order processes.
+    diagonal: [f64; N],
+    beside: Vec<(usize, usize, f64)>,
     driven: Square<N>,
     seen: [f64; N],
     /// Before and after the change.
@@ -566,8 +568,14 @@ struct Few<const N: usize> {
 fn gains_of_few<const N: usize>(space: &Space, present: &[bool], long_rows: usize) -> Option<Filter> {
     let n = space.states.min(N);
     let white = space.white.first().copied()?;
+    let transition: Square<N> = square(&space.transition, n);
+    let places = (0..N).flat_map(|i| (0..N).map(move |j| (i, j)));
     let few = Few::<N> {
-        transition: square(&space.transition, n),
+        diagonal: std::array::from_fn(|i| transition[i][i]),
+        beside: places
+            .filter(|&(i, j)| i != j && transition[i][j] != 0.0)
+            .map(|(i, j)| (i, j, transition[i][j]))
+            .collect(),
         driven: square(&space.driven, n),
         seen: std::array::from_fn(
             |i| if i < n { space.seen.get(i).copied().unwrap_or_default() } else { 0.0 },
@@ -609,24 +617,26 @@ impl<const N: usize> Covariance for Few<N> {
     }
 
     fn propagate(&mut self) {
-        let (phi, p) = (&self.transition, &self.covariance);
-        let mut half = [[0.0; N]; N];
-        for i in 0..N {
-            for j in 0..N {
-                for k in 0..N {
-                    half[i][k] += phi[i][j] * p[j][k];
-                }
+        let p = &self.covariance;
+        // Φ P.
+        let mut half: Square<N> = std::array::from_fn(|i| p[i].map(|value| self.diagonal[i] * value));
+        for &(i, j, weight) in &self.beside {
+            for (half, value) in half[i].iter_mut().zip(&p[j]) {
+                *half += weight * value;
             }
         }
         let mut next = self.driven;
+        for (next, half) in next.iter_mut().zip(&half) {
+            for j in 0..N {
+                next[j] += half[j] * self.diagonal[j];
+            }
+            for &(i, j, weight) in &self.beside {
+                next[i] += half[j] * weight;
+            }
+        }
         for i in 0..N {
-            for j in 0..=i {
-                let mut sum = next[i][j];
-                for k in 0..N {
-                    sum += half[i][k] * phi[j][k];
-                }
-                next[i][j] = sum;
-                next[j][i] = sum;
+            for j in 0..i {
+                next[j][i] = next[i][j];
             }
         }
         self.covariance = next;
