@@ -245,8 +245,8 @@ impl Steps {
         let left = &transition * (DMatrix::identity(n, n) - weighted);
         Some(Self {
             states: n,
-            information: by_rows(&halves(seen.transpose() * root.solve(&seen))),
-            driven: by_rows(&halves(&transition * (driven - known) * transition.transpose())),
+            information: by_rows(&halves(&(seen.transpose() * root.solve(&seen)))),
+            driven: by_rows(&halves(&(&transition * (driven - known) * transition.transpose()))),
             transition: by_rows(&left),
         })
     }
@@ -264,8 +264,8 @@ impl Steps {
         Some(Self {
             states: n,
             transition: by_rows(&(&a * &inverse * &a)),
-            information: by_rows(&halves(information)),
-            driven: by_rows(&halves(driven)),
+            information: by_rows(&halves(&information)),
+            driven: by_rows(&halves(&driven)),
         })
     }
 
@@ -298,8 +298,8 @@ impl Steps {
 }
 
 /// The symmetric part.
-fn halves(matrix: DMatrix<f64>) -> DMatrix<f64> {
-    0.5 * (&matrix + matrix.transpose())
+fn halves(matrix: &DMatrix<f64>) -> DMatrix<f64> {
+    0.5 * (matrix + matrix.transpose())
 }
 
 fn by_rows(matrix: &DMatrix<f64>) -> Vec<f64> {
