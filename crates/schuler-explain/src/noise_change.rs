@@ -36,6 +36,8 @@ const SAME_NATS: f64 = 0.05;
 const SAME_PLACE: f64 = 0.1;
 /// Frequencies tried for an exponential-cosine.
 const PEAKS: usize = 4;
+/// Level of the Markov parts, as a part of what it was, from which an exponential-cosine is tried in their place.
+const REPLACED: f64 = 0.03;
 /// Logarithm of the number of places searched for a further Markov part, and for an exponential-cosine.
 const LN_PLACES_MARKOV: f64 = 1.4;
 const LN_PLACES_COSINE: f64 = 3.0;
@@ -285,7 +287,8 @@ impl View<'_> {
         }
     }
 
-    /// Parts that are there, set free, and further ones at the frequencies that stand out.
+    /// Parts that are there, set free, and further ones at the frequencies that stand out: beside the Markov parts as they
+    /// are, and in their place, their levels being free. Beside a Markov part that is too strong no further one is any good.
     fn cosine_starts(&self, source: usize, unit: f64) -> Vec<Start> {
         let own = &self.noises[source];
         let step_s = self.block.step_s();
@@ -304,17 +307,29 @@ impl View<'_> {
             })
             .collect();
         let part = own.exp_cos.len();
+        let levels: Vec<Knob> = (0..own.markov.len()).map(Knob::MarkovSigma).collect();
         for omega in self.spectrum.peaks(PEAKS) {
             let beta = omega / step_s;
             for damping in [0.03, 0.2, 1.0] {
                 for level in LEVELS {
                     let noise = ExponentialCosine { sigma: level * unit, alpha: damping * beta, beta };
-                    starts.push(Start {
+                    let beside = Start {
                         noises: with(noise),
                         knobs: knobs(part),
                         freedom: 3,
                         ln_places: LN_PLACES_COSINE,
-                    });
+                    };
+                    if !levels.is_empty() {
+                        let mut instead = beside.clone();
+                        for &level in &levels {
+                            let noise = &mut instead.noises[source];
+                            noise.set(level, REPLACED * noise.get(level));
+                        }
+                        instead.knobs.extend(&levels);
+                        instead.freedom += levels.len();
+                        starts.push(instead);
+                    }
+                    starts.push(beside);
                 }
             }
         }

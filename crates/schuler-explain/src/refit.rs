@@ -7,7 +7,7 @@
 //! widen both ([`sandwich`](crate::sandwich)).
 use nalgebra::{DMatrix, DVector};
 
-use crate::catalogue::{Candidate, OnsetShape, Search};
+use crate::catalogue::{Candidate, NoiseChange, OnsetShape, Search};
 use crate::description::{Term, nonlinear_names};
 use crate::explanation::Parameter;
 use crate::noise::{Knob, VarianceStep};
@@ -254,7 +254,11 @@ pub fn of_change(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter>
             plausible: None,
         });
     }
-    for &knob in &change.knobs {
+    // The levels of Markov parts that an exponential-cosine takes the place of are among the changes of the noise.
+    let replaced = |knob: &&Knob| {
+        change.change == NoiseChange::ExponentialCosine && matches!(knob, Knob::MarkovSigma(_))
+    };
+    for &knob in change.knobs.iter().filter(|knob| !replaced(knob)) {
         let value = state.noises[change.source].get(knob);
         let place = free.iter().position(|&other| other == (change.source, knob));
         let relative = place.zip(sigmas.as_ref()).map(|(place, sigmas)| sigmas[place]);

@@ -397,6 +397,43 @@ fn flicker_is_told_from_a_markov_part_and_what_that_leaves() {
     assert!(TRIALS as usize - right <= most(TRIALS as usize, 0.05), "{right}");
 }
 
+/// The nominal Markov process is not there: beside it an exponential-cosine would leave lines, in its place it leaves nothing.
+#[test]
+fn an_exponential_cosine_in_the_place_of_a_markov_process_is_the_only_finding() {
+    const TRIALS: u64 = 12;
+    const ROWS: usize = 8640;
+    let (alpha, beta): (f64, f64) = (1.0 / 60.0, std::f64::consts::TAU / 90.0);
+    let right = (0..TRIALS)
+        .into_par_iter()
+        .filter(|&seed| {
+            let mut random = Pcg64::seed_from_u64(120_000 + seed);
+            let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+            let (kept, driven) = ((-alpha).exp(), (1.0 - (-2.0 * alpha).exp()).sqrt());
+            let (cosine, sine) = (kept * beta.cos(), kept * beta.sin());
+            let mut state = [normal(), normal()];
+            let values = (0..ROWS)
+                .map(|_| {
+                    let [x, y] = state;
+                    state = [
+                        cosine * x - sine * y + driven * normal(),
+                        sine * x + cosine * y + driven * normal(),
+                    ];
+                    x + WHITE_SIGMA * normal()
+                })
+                .collect();
+            let answer = answer(vec![values], false).unwrap();
+            let effects: Vec<&str> = answer.findings.iter().map(|finding| finding.effect.as_str()).collect();
+            let right = effects == ["cosine"];
+            if !right {
+                println!("cosine {seed}: {effects:?}");
+            }
+            right
+        })
+        .count();
+    println!("cosine: right {right} of {TRIALS}");
+    assert!(TRIALS as usize - right <= most(TRIALS as usize, 0.05), "{right}");
+}
+
 #[test]
 fn faults_in_readings_are_named_and_do_not_breed() {
     assert_named("spikes", |seed, mut values| {
