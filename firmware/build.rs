@@ -26,7 +26,7 @@ fn main() {
         println!("cargo:rustc-link-arg-bins=-T{script}");
     }
     println!("cargo:rustc-link-arg-bins=--nmagic");
-    for file in ["link-mps2-an386.x", "stack.x", "../memory.x"] {
+    for file in ["device.x", "link-mps2-an386.x", "stack.x", "../memory.x"] {
         println!("cargo:rerun-if-changed={file}");
     }
 }

@@ -72,12 +72,12 @@ struct Complaints {
 impl Complaints {
     /// Logs what has changed.
     fn log(&mut self, now: Counters) {
-        if now.configurations != self.logged.configurations {
-            defmt::info!("configured");
-            self.logged.configurations = now.configurations;
+        if now.states != self.logged.states {
+            defmt::info!("state loaded");
+            self.logged.states = now.states;
         }
         if let Some(checksum) = now.compensation.filter(|_| now.compensation != self.logged.compensation) {
-            defmt::info!("compensation block {=u32:08x} loaded", checksum);
+            defmt::info!("compensation block {=u32:08x} in force", checksum);
         }
         self.logged.compensation = now.compensation;
         let wrong = |counters: &Counters| {

@@ -1,16 +1,20 @@
 //! Bytes from a line.
 use std::cell::Cell;
+use std::sync::OnceLock;
 
 use arbitrary::{Result, Unstructured};
-use schuler_core::module::FlightModule;
+use schuler_core::module::{FlightModule, StateLoader};
 use schuler_link::PROTOCOL;
 use schuler_link::endpoint::{Endpoint, Reaction};
 use schuler_link::frame::{Decoder, Frame, FrameError, Message, Wire};
-use schuler_link::message::{Board, HostMessage, Identity, ModuleMessage, Pace, Start, Transport};
+use schuler_link::message::{
+    Board, HostMessage, Identity, ModuleMessage, Pace, STATE_PART, Start, StateBytes, Transport,
+};
 use serde::de::DeserializeOwned;
 
-use crate::flight::{check_output, configurations};
+use crate::flight::{check_output, started};
 use crate::source;
+use crate::state::{SHORT, save};
 
 /// The checksum of a frame, by its definition: the frames here are not made by what is tested.
 const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
@@ -87,6 +91,25 @@ pub fn endpoint(data: &[u8]) {
     let _ = converse(&mut Unstructured::new(data));
 }
 
+/// What a host says to start a flight: the states of the modules without identification, the others' being six times as long.
+fn starts() -> &'static [Vec<HostMessage>] {
+    static ALL: OnceLock<Vec<Vec<HostMessage>>> = OnceLock::new();
+    ALL.get_or_init(|| started().iter_mut().take(SHORT).map(|module| loading(&save(module))).collect())
+}
+
+fn loading(state: &[u8]) -> Vec<HostMessage> {
+    let mut messages = vec![HostMessage::Forget];
+    // A part that cuts a value would have to be followed by one that begins before its end: the loader says where.
+    let (mut loader, mut module) = (StateLoader::new(), Box::new(FlightModule::new()));
+    let mut begin = 0;
+    while begin < state.len() {
+        let part = &state[begin..state.len().min(begin + STATE_PART)];
+        messages.push(HostMessage::LoadState { begin: begin as u32, bytes: part.iter().copied().collect() });
+        begin = loader.take(&mut module, begin as u32, part).expect("the state is sound") as usize;
+    }
+    messages
+}
+
 fn converse(source: &mut Unstructured<'_>) -> Result<()> {
     let identity = Identity { board: Board::Host, transport: Transport::Memory, start: Start::PowerOn };
     let mut endpoint = Endpoint::new(identity);
@@ -94,9 +117,10 @@ fn converse(source: &mut Unstructured<'_>) -> Result<()> {
     let now_us = Cell::new(0u64);
     let (mut sequence, mut time_ms) = (0u32, 0u64);
     let mut last = Vec::new();
+    let mut to_come = [].iter();
     // A configuration that promises finite outputs is in force.
     let mut sane = true;
-    for _ in 0..40 {
+    for _ in 0..80 {
         // Past their end, the bytes are zeros.
         if source.is_empty() {
             break;
@@ -117,12 +141,17 @@ fn converse(source: &mut Unstructured<'_>) -> Result<()> {
                 Pace::Host
             })),
             48..52 => Some(HostMessage::Reset),
-            52..60 => {
-                let mut bytes = schuler_link::block::BlockBytes::new();
-                let _ = bytes.extend_from_slice(source.bytes(source.len().min(64))?);
-                Some(HostMessage::LoadCompensation(bytes))
+            52..56 => Some(HostMessage::ReadState { begin: source.arbitrary::<u32>()? % 60_000 }),
+            56..60 => {
+                let begin = source.arbitrary::<u32>()? % 2000;
+                let bytes: StateBytes = source.bytes(source.len().min(64))?.iter().copied().collect();
+                Some(HostMessage::LoadState { begin, bytes })
             }
-            60..90 => Some(HostMessage::Configure(*source.choose(configurations())?)),
+            60..80 => {
+                to_come = source.choose(starts())?.iter();
+                to_come.next().cloned()
+            }
+            80..180 if to_come.len() > 0 => to_come.next().cloned(),
             _ => {
                 time_ms = source::next_time(source, time_ms)?;
                 Some(HostMessage::Step(source::step_input(source, time_ms)?))

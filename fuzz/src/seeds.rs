@@ -23,9 +23,10 @@ fn from_host() -> Vec<HostMessage> {
     vec![
         HostMessage::Hello,
         HostMessage::Counters,
-        HostMessage::Configure(ModuleConfig::default()),
+        HostMessage::Forget,
         HostMessage::Step(input),
-        HostMessage::LoadCompensation(encode(&Block::default())),
+        HostMessage::ReadState { begin: 0 },
+        HostMessage::LoadState { begin: 0, bytes: b"SCHS\x04\0\0\0".iter().copied().collect() },
         HostMessage::SetPace(Pace::Clock { period_ms: 1000 }),
         HostMessage::Reset,
     ]
@@ -36,7 +37,8 @@ fn from_module() -> Vec<ModuleMessage> {
     vec![
         ModuleMessage::Banner(Banner::new(identity)),
         ModuleMessage::Counters(Counters::NONE),
-        ModuleMessage::Configured,
+        ModuleMessage::Forgotten,
+        ModuleMessage::StateTaken { next: 512 },
         ModuleMessage::Output(FlightModule::new().step(&StepInput::without_readings(1))),
     ]
 }

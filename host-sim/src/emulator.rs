@@ -14,7 +14,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use schuler_core::config::ConfigError;
-use schuler_core::module::{FlightModule, ModuleConfig, StateError, StatePass, StepInput, StepOutput};
+use schuler_core::module::{FlightModule, ModuleConfig, StateError, StepInput, StepOutput};
 use schuler_link::SOURCE_HASH;
 use schuler_link::block::{self, BlockBytes, BlockError};
 use schuler_link::frame::{Decoder, Frame, FrameError, Wire};
@@ -124,16 +124,16 @@ pub trait Target {
     /// The bytes are not a block that can be flown, or the target is out of reach.
     fn load_compensation(&mut self, block: &BlockBytes) -> Result<(), TargetError>;
 
-    /// Saves the state: all that a module of the same configuration needs to go on from here.
+    /// Saves the state: all that a module needs to go on from here.
     ///
     /// # Errors
     /// There is no configuration yet, or the target is out of reach.
     fn save(&mut self) -> Result<Vec<u8>, TargetError>;
 
-    /// Goes on from a saved state. The target must have been configured as the one that was saved.
+    /// Goes on from a saved state; what the target was and was doing is forgotten.
     ///
     /// # Errors
-    /// The bytes are not a state of this module, or the target is out of reach.
+    /// The bytes are not a state, or the target is out of reach.
     fn restore(&mut self, state: &[u8]) -> Result<(), TargetError>;
 
     /// One step.
@@ -583,18 +583,22 @@ impl Emulator {
 }
 
 impl Target for Emulator {
+    /// The image cannot configure: a module in this process does, and its state is flown.
     fn configure(&mut self, config: &ModuleConfig) -> Result<(), TargetError> {
-        match self.command(&HostMessage::Configure(*config))? {
-            ModuleMessage::Configured => Ok(()),
+        let mut ground = HostModule::new();
+        ground.configure(config)?;
+        match self.command(&HostMessage::Forget)? {
+            ModuleMessage::Forgotten => self.restore(&ground.save()?),
             other => Err(unexpected(other)),
         }
     }
 
+    /// In a module in this process, which takes up the state and gives it back.
     fn load_compensation(&mut self, block: &BlockBytes) -> Result<(), TargetError> {
-        match self.command(&HostMessage::LoadCompensation(block.clone()))? {
-            ModuleMessage::CompensationLoaded { .. } => Ok(()),
-            other => Err(unexpected(other)),
-        }
+        let mut ground = HostModule::new();
+        ground.restore(&self.save()?)?;
+        ground.load_compensation(block)?;
+        self.restore(&ground.save()?)
     }
 
     fn save(&mut self) -> Result<Vec<u8>, TargetError> {
@@ -619,21 +623,18 @@ impl Target for Emulator {
     }
 
     fn restore(&mut self, state: &[u8]) -> Result<(), TargetError> {
-        for pass in [StatePass::Check, StatePass::Restore] {
-            let mut begin = 0;
-            loop {
-                let rest = state.get(begin as usize..).unwrap_or_default();
-                let bytes: StateBytes = rest.iter().copied().take(STATE_PART).collect();
-                match self.command(&HostMessage::LoadState { pass, begin, bytes })? {
-                    ModuleMessage::StateTaken { next } if next as usize == state.len() => break,
-                    ModuleMessage::StateTaken { next } if next > begin => begin = next,
-                    // The module waits for more than there is.
-                    ModuleMessage::StateTaken { .. } => return Err(StateError::Form.into()),
-                    other => return Err(unexpected(other)),
-                }
+        let mut begin = 0;
+        loop {
+            let rest = state.get(begin as usize..).unwrap_or_default();
+            let bytes: StateBytes = rest.iter().copied().take(STATE_PART).collect();
+            match self.command(&HostMessage::LoadState { begin, bytes })? {
+                ModuleMessage::StateTaken { next } if next as usize == state.len() => return Ok(()),
+                ModuleMessage::StateTaken { next } if next > begin => begin = next,
+                // The module waits for more than there is.
+                ModuleMessage::StateTaken { .. } => return Err(StateError::Form.into()),
+                other => return Err(unexpected(other)),
             }
         }
-        Ok(())
     }
 
     fn step(&mut self, input: &StepInput) -> Result<StepOutput, TargetError> {
@@ -706,11 +707,6 @@ impl<I: Iterator<Item = StepInput>> Run<'_, I> {
 
 fn unexpected(message: ModuleMessage) -> TargetError {
     match message {
-        ModuleMessage::Refused(Refusal::Configuration { field, problem }) => TargetError::Configuration {
-            field: field.as_str().to_owned(),
-            problem: problem.as_str().to_owned(),
-        },
-        ModuleMessage::Refused(Refusal::Block(error)) => TargetError::Block(error),
         ModuleMessage::Refused(Refusal::State(error)) => TargetError::State(error),
         ModuleMessage::Refused(refusal) => TargetError::Refused(Box::new(refusal)),
         other => TargetError::Unexpected(format!("{other:?}")),

@@ -2,6 +2,8 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
+use schuler_core::module::FlightModule;
+use schuler_link::configuration;
 use serde_json::Value;
 
 fn schuler(arguments: &[&str]) -> Output {
@@ -88,6 +90,20 @@ fn simulate_then_fly_gives_json_and_whole_files_and_says_nothing_else() {
     for file in answer["files"].as_array().unwrap() {
         assert!(std::fs::metadata(file.as_str().unwrap()).unwrap().len() > 0, "{file}");
     }
+    // What flight software configures itself by, and what a board is loaded with, are the same.
+    let bytes = |ending: &str| {
+        let mut paths = answer["files"].as_array().unwrap().iter().map(|file| file.as_str().unwrap());
+        std::fs::read(paths.find(|path| path.ends_with(ending)).unwrap()).unwrap()
+    };
+    let (mut loaded, mut configured) = (Box::new(FlightModule::new()), Box::new(FlightModule::new()));
+    loaded.restore(&bytes("_state.bin")).unwrap();
+    configured.configure(&configuration::decode(&bytes("_configuration.bin")).unwrap()).unwrap();
+    let [one, other] = [loaded, configured].map(|mut module| {
+        let mut state = vec![0; module.state_length().unwrap() as usize];
+        module.save(&mut state).unwrap();
+        state
+    });
+    assert!(one == other);
     // Nothing temporary is left.
     for entry in std::fs::read_dir(&flown_to).unwrap() {
         let name = entry.unwrap().file_name();

@@ -67,7 +67,7 @@ fn answers_as_the_host_does(mut emulator: Emulator, board: Board) {
         other => panic!("{other:?}"),
     }
     let counters = emulator.counters().unwrap();
-    assert_eq!((counters.steps, counters.configurations, counters.lost_bytes), (100, 1, 0));
+    assert_eq!((counters.steps, counters.states, counters.lost_bytes), (100, 2, 0));
     assert_eq!(counters.refused, RefusedFrames::NONE);
 }
 

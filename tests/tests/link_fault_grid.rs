@@ -16,15 +16,17 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use host_sim::emulator::{Emulator, Transport};
+use host_sim::emulator::{Emulator, HostModule, Target, Transport};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
-use schuler_core::compensation::Block;
-use schuler_core::module::{FlightModule, StepOutput};
-use schuler_link::block::{BlockBytes, encode};
+use schuler_core::identification::Method;
+use schuler_core::module::{FlightModule, ModuleConfig, StateLoader, StepOutput};
+use schuler_link::block::encode;
 use schuler_link::endpoint::{Endpoint, Reaction};
 use schuler_link::frame::{Decoder, Wire};
-use schuler_link::message::{Board, HostMessage, Identity, ModuleMessage, Pace, Start, Transport as Line};
+use schuler_link::message::{
+    Board, HostMessage, Identity, ModuleMessage, Pace, STATE_PART, Start, Transport as Line,
+};
 
 use crate::common::flight::{Flight, everything, full_block};
 
@@ -152,19 +154,41 @@ struct Pair {
     sequence: u32,
     /// Bytes in one go.
     batch: usize,
-    block: BlockBytes,
+    /// What starts the flight, part by part.
+    state: Vec<HostMessage>,
+    /// First part of the state of a module with another configuration.
+    foreign: HostMessage,
     /// Frames that the double has heard.
     accepted: u32,
+}
+
+/// The state of a module that has been configured and corrected, in the parts in which it is taken.
+fn parts(config: &ModuleConfig) -> Vec<HostMessage> {
+    let mut ground = HostModule::new();
+    ground.configure(config).unwrap();
+    ground.load_compensation(&encode(&full_block())).unwrap();
+    let state = ground.save().unwrap();
+    let (mut loader, mut module) = (StateLoader::new(), Box::new(FlightModule::new()));
+    let (mut parts, mut begin) = (Vec::new(), 0);
+    while begin < state.len() {
+        let part = &state[begin..state.len().min(begin + STATE_PART)];
+        parts.push(HostMessage::LoadState { begin: begin as u32, bytes: part.iter().copied().collect() });
+        begin = loader.take(&mut module, begin as u32, part).unwrap() as usize;
+    }
+    parts
 }
 
 impl Pair {
     fn start(transport: Transport) -> Self {
         let emulator = common::start(transport);
-        // What is on its way on the serial line must fit into the module's queue of 4096 bytes, repeated frames and all.
-        let (line, batch, block) = match transport {
-            Transport::Uart => (Line::Uart, 800, Block::default()),
-            Transport::Fifo => (Line::Semihosting, 30_000, full_block()),
+        // What is on its way on the serial line must fit into the module's queue of 2048 bytes, repeated frames and all.
+        let (line, batch) = match transport {
+            Transport::Uart => (Line::Uart, 800),
+            Transport::Fifo => (Line::Semihosting, 30_000),
         };
+        let config = everything();
+        let mut other = config;
+        other.identification.method = Method::Off;
         let identity = Identity { board: Board::Mps2An386, transport: line, start: Start::PowerOn };
         Self {
             emulator,
@@ -172,9 +196,23 @@ impl Pair {
             module: Box::new(FlightModule::new()),
             sequence: 0,
             batch,
-            block: encode(&block),
+            state: parts(&config),
+            foreign: parts(&other).swap_remove(0),
             accepted: 0,
         }
+    }
+
+    /// Starts the flight anew, over a line that damages nothing.
+    fn begin_flight(&mut self) {
+        let mut wire = Wire::new();
+        for message in [HostMessage::Forget].iter().chain(&self.state.clone()) {
+            self.sequence = self.sequence.wrapping_add(1);
+            wire.encode(self.sequence, message).unwrap();
+            let sent = pieces(wire.as_bytes()).map(<[u8]>::to_vec).collect();
+            let (answered, expected) = self.exchange(wire.as_bytes(), &sent, &mut Count::default());
+            assert!(answered == expected, "over a good line");
+        }
+        assert!(self.module.state_length().is_ok());
     }
 
     /// What the double answers to one intact frame.
@@ -222,6 +260,7 @@ impl Pair {
         let mut wire = Wire::new();
         let mut decoder = Decoder::new();
         let mut made = 0;
+        self.begin_flight();
         while made < frames {
             let mut bytes = Vec::new();
             let mut sent = HashSet::new();
@@ -229,9 +268,10 @@ impl Pair {
                 self.sequence = self.sequence.wrapping_add(1);
                 let message = match random.random_range(0..20) {
                     0..3 => HostMessage::Hello,
-                    3 => HostMessage::LoadCompensation(self.block.clone()),
-                    4 => HostMessage::ReadState { begin: 0 },
-                    5 => HostMessage::Configure(everything()),
+                    // These two are refused, and the flight goes on: a part out of its turn, a foreign state.
+                    3 => self.state[random.random_range(1..self.state.len())].clone(),
+                    4 => self.foreign.clone(),
+                    5 => HostMessage::ReadState { begin: 0 },
                     6..16 => HostMessage::SetPace(Pace::Clock {
                         period_ms: random.random_range(60_001..=u32::MAX),
                     }),

@@ -60,12 +60,13 @@ struct Leg {
 }
 
 impl Leg {
-    /// Configures a module that has just got power, and brings it to where the leg begins.
+    /// Brings a module that has just got power to where the leg begins.
     fn prepare(begin: Option<&[u8]>, module: &mut dyn Target) {
-        module.configure(&everything()).unwrap();
-        match begin {
-            Some(state) => module.restore(state).unwrap(),
-            None => module.load_compensation(&encode(&full_block())).unwrap(),
+        if let Some(state) = begin {
+            module.restore(state).unwrap();
+        } else {
+            module.configure(&everything()).unwrap();
+            module.load_compensation(&encode(&full_block())).unwrap();
         }
     }
 

@@ -51,8 +51,8 @@ impl From<StateError> for SchulerResult {
     fn from(error: StateError) -> Self {
         match error {
             StateError::NotConfigured => Self::NotConfigured,
-            // Places and passes are a matter of loading in parts, which is not offered here.
-            StateError::Form | StateError::Place { .. } | StateError::NotChecked => Self::Form,
+            // Places are a matter of loading in parts, which is not offered here.
+            StateError::Form | StateError::Place { .. } => Self::Form,
             StateError::Version(_) => Self::Version,
             StateError::Configuration => Self::OtherConfiguration,
             StateError::Checksum => Self::Checksum,

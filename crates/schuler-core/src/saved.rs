@@ -1,8 +1,9 @@
-//! How the state of the module becomes bytes and comes back: one walk over every value that changes from step to step.
+//! How the state of the module becomes bytes and comes back: one walk over every value, those that change from step to step
+//! and those that the configuration has determined. So a module is brought back without being configured, and what only
+//! configuring needs has not to be in flight.
 //!
 //! A [`Saved`] type hands its parts to the [`Walk`], always the same ones in the same order, whatever their values: so every
-//! value has its place in the bytes, and the walk can serve any stretch of them without a copy of the rest. What the
-//! configuration alone determines is not saved; [`saved!`] makes every type say which of its fields these are.
+//! value has its place in the bytes, and the walk can serve any stretch of them without a copy of the rest.
 //!
 //! Numbers are little-endian, `usize` has four bytes, a truth value, the tag of an `enum` and that of an `Option` one byte, and
 //! what is not there its full size in zeros. NaN is always the same one.
@@ -33,8 +34,6 @@ enum Purpose<'a> {
     Sum,
     /// Writes the bytes.
     Save(&'a mut [u8]),
-    /// Looks whether the bytes could be brought back, and changes nothing.
-    Check(&'a [u8]),
     /// Brings the bytes back.
     Restore(&'a [u8]),
 }
@@ -95,12 +94,7 @@ impl<'a> Walk<'a> {
         Self::new(Purpose::Save(bytes), begin, Checksum::default())
     }
 
-    /// Looks at the bytes of the values from the one that begins at `begin` on. `checksum` is that of what came before.
-    pub fn check(begin: u32, bytes: &'a [u8], checksum: Checksum) -> Self {
-        Self::new(Purpose::Check(bytes), begin, checksum)
-    }
-
-    /// Brings them back.
+    /// Brings back the values from the one that begins at `begin` on. `checksum` is that of what came before.
     pub fn restore(begin: u32, bytes: &'a [u8], checksum: Checksum) -> Self {
         Self::new(Purpose::Restore(bytes), begin, checksum)
     }
@@ -128,7 +122,7 @@ impl<'a> Walk<'a> {
         self.next - self.begin
     }
 
-    /// Checksum of what has been looked at, checked or brought back, and of what came before.
+    /// Checksum of what has been looked at or brought back, and of what came before.
     pub fn checksum(&self) -> Checksum {
         self.checksum
     }
@@ -185,7 +179,7 @@ impl<'a> Walk<'a> {
 
     fn take<T>(&mut self, slot: &mut T, value: T, found: bool, possible: bool) -> bool {
         self.flawed |= found && !possible;
-        let restored = found && possible && matches!(self.purpose, Purpose::Restore(_));
+        let restored = found && possible;
         if restored {
             *slot = value;
         }
@@ -212,7 +206,7 @@ impl<'a> Walk<'a> {
                 }
                 return false;
             }
-            Purpose::Check(bytes) | Purpose::Restore(bytes) => bytes.get(place).filter(|_| here == self.next),
+            Purpose::Restore(bytes) => bytes.get(place).filter(|_| here == self.next),
         };
         let Some(found) = found else { return false };
         self.checksum = self.checksum.with(found);
@@ -367,12 +361,11 @@ impl Bounded for Option<u8> {
     }
 }
 
-/// Makes a structure [`Saved`]: `saved!([generics] Type { fields })`. All fields are named, or this does not compile: first those
-/// that change from step to step, with a bound where one must hold (`head < N`), then, after `fixed`, those that the
-/// configuration alone determines, which are not saved. Without `fixed` the structure is [`Blank`], too.
+/// Makes a structure [`Saved`] and [`Blank`]: `saved!([generics] Type { fields })`. All fields are named, or this does not compile,
+/// with a bound where one must hold (`head < N`). What is `always` there needs no stand-in and is not [`Blank`].
 macro_rules! saved {
     ([$($generics:tt)*] $type:ty $(where [$($clauses:tt)*])? { $($field:ident $(< $bound:expr)?),* $(,)? }) => {
-        $crate::saved::saved!([$($generics)*] $type $(where [$($clauses)*])? { $($field $(< $bound)?),*; fixed });
+        $crate::saved::saved!([$($generics)*] $type $(where [$($clauses)*])? { $($field $(< $bound)?),* } always);
 
         impl<$($generics)*> $crate::saved::Blank for $type $(where $($clauses)*)? {
             fn blank() -> Self {
@@ -380,13 +373,10 @@ macro_rules! saved {
             }
         }
     };
-    (
-        [$($generics:tt)*] $type:ty $(where [$($clauses:tt)*])?
-        { $($field:ident $(< $bound:expr)?),* $(,)?; fixed $($fixed:ident),* }
-    ) => {
+    ([$($generics:tt)*] $type:ty $(where [$($clauses:tt)*])? { $($field:ident $(< $bound:expr)?),* $(,)? } always) => {
         impl<$($generics)*> $crate::saved::Saved for $type $(where $($clauses)*)? {
             fn walk(&mut self, walk: &mut $crate::saved::Walk<'_>) {
-                let Self { $($field,)* $($fixed: _,)* } = self;
+                let Self { $($field),* } = self;
                 $(
                     #[cfg(test)]
                     walk.name(stringify!($field));
@@ -567,21 +557,21 @@ mod tests {
     #[test]
     fn every_impossible_tag_and_index_is_found() {
         let mut identifier = std::boxed::Box::new(LikelihoodIdentifier::new());
+        let mut other = identifier.clone();
         let saved = bytes(&mut *identifier);
         let mut found = 0;
         // The tags stand behind the banks and windows; a byte of a number can be anything.
         for at in 0..saved.len() {
             let mut wrong = saved.clone();
             wrong[at] = 0xee;
-            let mut walk = Walk::check(0, &wrong, Checksum::EMPTY);
+            let mut walk = Walk::restore(0, &wrong, Checksum::EMPTY);
             if at % 8 == 0 || at > saved.len() - 2000 {
-                identifier.walk(&mut walk);
+                other.walk(&mut walk);
                 found += u32::from(walk.is_flawed());
             }
         }
         // Behind the read-out: phase and its count, the stretch, two channels, three that may not be there.
         assert!(found >= 8, "{found}");
-        assert_eq!(bytes(&mut *identifier), saved);
     }
 
     /// Names and places of all that is saved. Where this differs, a saved state of before is not one of now: raise
@@ -598,6 +588,6 @@ mod tests {
         let mut walk = Walk::measure();
         module.walk(&mut walk);
         PublishedLoop::new().walk(&mut walk);
-        assert_eq!((STATE_VERSION, walk.layout.value()), (3, 3936794725));
+        assert_eq!((STATE_VERSION, walk.layout.value()), (4, 1749908367));
     }
 }

@@ -13,16 +13,14 @@
 //!
 //! So a host that hears nothing sends the same frame again until it hears the answer, and each of its steps has
 //! then been run exactly once. A host that has just started asks [`Hello`](crate::message::HostMessageOf::Hello) and goes on from
-//! [`Banner::last_sequence`]. After a reset any number is accepted, but steps are refused until a configuration comes:
-//! a module that lost its state says so instead of flying on with defaults.
+//! [`Banner::last_sequence`]. After a reset any number is accepted, but steps are refused until a state comes: a module that lost its state says so instead of flying on with defaults.
 //!
 //! **Pace.** At the host's pace each input is a step. At the clock's pace the endpoint runs one step a period with
 //! the newest input; where none has come it runs the step with missing readings, and where the module is not back
 //! in time it says so ([`Tick::overrun`], [`Tick::skipped`]). It holds no clock: times are microseconds since start,
 //! from the caller.
-use schuler_core::module::{FlightModule, StateLoader, StatePass, StepInput};
+use schuler_core::module::{FlightModule, StateLoader, StepInput};
 
-use crate::block;
 use crate::frame::{Decoder, Frame, FrameError, ShortWire, on_the_wire};
 use crate::message::{
     Banner, Board, Counters, HeardMessage, Identity, MAX_ANSWER, ModuleMessage, Pace, Refusal, STATE_PART,
@@ -136,6 +134,11 @@ impl Endpoint {
         self.conversation.identity = identity;
     }
 
+    /// Takes up a module that has been configured, or brought back, by somebody else than the host.
+    pub fn take_up(&mut self, module: &mut FlightModule) {
+        self.conversation.take_up(module);
+    }
+
     /// The frame to be sent once after a start, when the line is up.
     pub fn banner(&mut self) -> &[u8] {
         self.conversation.banner()
@@ -148,7 +151,6 @@ impl Endpoint {
         module: &mut FlightModule,
         now_us: impl FnMut() -> u64,
     ) -> Reaction<'_> {
-        // By reference: a configuration is too large to be moved.
         match &decode(&mut self.decoder, byte) {
             Some(Ok(frame)) => self.conversation.take(frame, module, now_us),
             Some(Err(error)) => self.conversation.refuse(*error),
@@ -207,16 +209,17 @@ impl Conversation {
     fn tick(&mut self, module: &mut FlightModule, mut now_us: impl FnMut() -> u64) -> Option<&[u8]> {
         let pace = self.pace.clock()?;
         let begin_us = now_us();
-        let late_us = begin_us.checked_sub(pace.due_us)?;
-        let period_us = u64::from(pace.period_ms) * 1000;
+        // Division of long integers takes a kilobyte: who is more than an hour late catches up in more than one tick.
+        let late_us = clip(begin_us.checked_sub(pace.due_us)?);
+        let period_us = pace.period_ms.saturating_mul(1000);
         let skipped = late_us.checked_div(period_us)?;
         // No later than now, but the next one may be beyond the end of the clock.
-        let due_us = pace.due_us + skipped * period_us;
-        pace.due_us = due_us.saturating_add(period_us);
+        let due_us = pace.due_us + u64::from(skipped * period_us);
+        pace.due_us = due_us.saturating_add(u64::from(period_us));
 
         let fresh = pace.input.is_some();
         let input = pace.input.take().unwrap_or_else(|| {
-            let passed_ms = (1 + skipped) * u64::from(pace.period_ms);
+            let passed_ms = (1 + u64::from(skipped)) * u64::from(pace.period_ms);
             StepInput::without_readings(self.time_ms.saturating_add(passed_ms))
         });
         self.time_ms = input.time_ms;
@@ -226,7 +229,6 @@ impl Conversation {
         let end_us = now_us();
         let overrun = end_us >= next_us;
         let step_us = clip(end_us.saturating_sub(begin_us));
-        let skipped = clip(skipped);
         self.count_step(step_us);
         let counters = &mut self.counters;
         counters.missing_inputs = counters.missing_inputs.saturating_add(u32::from(!fresh));
@@ -292,24 +294,15 @@ impl Conversation {
         mut now_us: impl FnMut() -> u64,
     ) -> Option<ModuleMessage> {
         Some(match message {
-            HeardMessage::Configure(config) => match module.configure(config) {
-                Ok(()) => {
-                    self.configured = true;
-                    self.time_ms = 0;
-                    self.pace = Stepping::Host;
-                    self.counters.configurations = self.counters.configurations.saturating_add(1);
-                    self.counters.compensation = None;
-                    ModuleMessage::Configured
-                }
-                Err(error) => ModuleMessage::Refused(error.into()),
-            },
-            HeardMessage::Step(_) | HeardMessage::SetPace(_) | HeardMessage::LoadCompensation(_)
-                if !self.configured =>
-            {
+            HeardMessage::Step(_) | HeardMessage::SetPace(_) if !self.configured => {
                 ModuleMessage::Refused(Refusal::NotConfigured)
             }
-            HeardMessage::LoadCompensation(bytes) => self.load_compensation(bytes, module),
-            HeardMessage::LoadState { pass, begin, bytes } => self.load_state(*pass, *begin, bytes, module),
+            HeardMessage::Forget => {
+                module.forget();
+                self.take_up(module);
+                ModuleMessage::Forgotten
+            }
+            HeardMessage::LoadState { begin, bytes } => self.load_state(*begin, bytes, module),
             HeardMessage::Step(input) => {
                 if let Some(clock) = self.pace.clock() {
                     let superseded = clock.input.replace(*input).is_some();
@@ -331,20 +324,6 @@ impl Conversation {
         })
     }
 
-    #[inline(never)]
-    fn load_compensation(&mut self, bytes: &[u8], module: &mut FlightModule) -> ModuleMessage {
-        let (head, terms, checksum) = match block::read(bytes) {
-            Ok(block) => block,
-            Err(error) => return ModuleMessage::Refused(Refusal::Block(error)),
-        };
-        if let Err(error) = module.load_terms(&head, terms) {
-            return ModuleMessage::Refused(error.into());
-        }
-        module.name_compensation(checksum);
-        self.counters.compensation = Some(checksum);
-        ModuleMessage::CompensationLoaded { checksum }
-    }
-
     /// Answers with a part of the state.
     #[inline(never)]
     fn pass_state(&mut self, sequence: u32, begin: u32, module: &mut FlightModule) -> Reaction<'_> {
@@ -362,25 +341,29 @@ impl Conversation {
 
     /// Takes a part of a saved state. While the module is not whole, it counts as not configured.
     #[inline(never)]
-    fn load_state(
-        &mut self,
-        pass: StatePass,
-        begin: u32,
-        bytes: &[u8],
-        module: &mut FlightModule,
-    ) -> ModuleMessage {
-        let result = self.loader.take(module, pass, begin, bytes);
+    fn load_state(&mut self, begin: u32, bytes: &[u8], module: &mut FlightModule) -> ModuleMessage {
+        let result = self.loader.take(module, begin, bytes);
         let length = module.state_length();
-        self.configured = length.is_ok();
-        if pass == StatePass::Restore && (length.is_err() || length == result) {
-            self.time_ms = module.last_time_ms().unwrap_or(0);
-            self.pace = Stepping::Host;
-            self.counters.compensation = module.compensation_name();
+        let complete = length.is_ok() && length == result;
+        if complete {
+            self.counters.states = self.counters.states.saturating_add(1);
+        }
+        // A part that was refused without any change leaves everything as it is.
+        if complete || length.is_err() {
+            self.take_up(module);
         }
         match result {
             Ok(next) => ModuleMessage::StateTaken { next },
             Err(error) => ModuleMessage::Refused(Refusal::State(error)),
         }
+    }
+
+    /// At the host's pace, with what the module has, if it has anything.
+    fn take_up(&mut self, module: &mut FlightModule) {
+        self.configured = module.state_length().is_ok();
+        self.time_ms = module.last_time_ms().unwrap_or(0);
+        self.pace = Stepping::Host;
+        self.counters.compensation = module.compensation_name();
     }
 
     fn set_pace(&mut self, pace: Pace, now_us: u64) -> ModuleMessage {
@@ -466,11 +449,10 @@ mod tests {
 
     use proptest::prelude::*;
     use schuler_core::compensation::{Block, Factor, Target, Term};
-    use schuler_core::config::{ConfigError, Problem};
     use schuler_core::module::{ModuleConfig, StateError};
 
     use super::*;
-    use crate::block::{BlockBytes, BlockError};
+    use crate::block;
     use crate::frame::FrameError;
     use crate::frame::Wire;
     use crate::message::{HostMessage, RefusedFrames};
@@ -499,8 +481,12 @@ mod tests {
 
         fn configured() -> Self {
             let mut rig = Self::new();
-            let answer = rig.say(0, &HostMessage::Configure(ModuleConfig::default()));
-            assert_eq!(answer, Some(ModuleMessage::Configured));
+            let state = state_of(&ModuleConfig::default(), None);
+            // Up to number 0, with which the tests go on.
+            let mut sequence = 0u32.wrapping_sub(state.len().div_ceil(STATE_PART - 8) as u32 + 1);
+            let whole = Some(ModuleMessage::StateTaken { next: state.len() as u32 });
+            assert_eq!(load_state(&mut rig, &mut sequence, &state), whole);
+            assert!(sequence == 0 || sequence > u32::MAX / 2);
             rig
         }
 
@@ -575,78 +561,103 @@ mod tests {
         }
     }
 
-    fn load_state(rig: &mut Rig, sequence: &mut u32, pass: StatePass, state: &[u8]) -> Option<ModuleMessage> {
+    /// What a computer on the ground makes: a module that has been configured, and corrected by a block.
+    fn state_of(config: &ModuleConfig, block: Option<(&Block, u32)>) -> Vec<u8> {
+        let mut ground = std::boxed::Box::new(FlightModule::new());
+        ground.configure(config).unwrap();
+        if let Some((block, name)) = block {
+            ground.load_compensation(block).unwrap();
+            ground.name_compensation(name);
+        }
+        let mut state = std::vec![0; ground.state_length().unwrap() as usize];
+        ground.save(&mut state).unwrap();
+        state
+    }
+
+    fn part(state: &[u8], begin: usize) -> HostMessage {
+        let bytes = state[begin..].iter().copied().take(STATE_PART).collect();
+        HostMessage::LoadState { begin: begin as u32, bytes }
+    }
+
+    fn load_state(rig: &mut Rig, sequence: &mut u32, state: &[u8]) -> Option<ModuleMessage> {
         let mut begin = 0;
         loop {
-            let bytes = state[begin as usize..].iter().copied().take(STATE_PART).collect();
-            *sequence += 1;
-            match rig.say(*sequence, &HostMessage::LoadState { pass, begin, bytes }) {
+            *sequence = sequence.wrapping_add(1);
+            match rig.say(*sequence, &part(state, begin as usize)) {
                 Some(ModuleMessage::StateTaken { next }) if (next as usize) < state.len() => begin = next,
                 answer => return answer,
             }
         }
     }
 
-    /// Reading is a question and changes nothing; what was read is brought back in a module that starts anew, with the
+    /// Reading is a question and changes nothing; what was read is brought back in a module that has just started, with the
     /// block in force and the time.
     #[test]
     fn a_state_is_read_and_loaded() {
-        let mut rig = Rig::configured();
-        let bytes = block::encode(&Block::default());
-        let (_, checksum) = block::decode(&bytes).unwrap();
-        rig.say(1, &HostMessage::LoadCompensation(bytes));
-        for k in 2..50 {
-            rig.say(k, &step(u64::from(k) * 1000));
+        let (mut rig, mut sequence) = (Rig::new(), 0);
+        load_state(
+            &mut rig,
+            &mut sequence,
+            &state_of(&ModuleConfig::default(), Some((&Block::default(), 77))),
+        );
+        for k in 1..50 {
+            rig.say(sequence + k, &step(u64::from(k) * 1000));
         }
         let state = read_state(&mut rig);
-        assert_eq!(steps(rig.say(49, &step(49_000))), 48, "the last command is still the last one");
+        assert_eq!(
+            steps(rig.say(sequence + 49, &step(49_000))),
+            49,
+            "the last command is still the last one"
+        );
 
-        let mut other = Rig::configured();
-        let mut sequence = 0;
+        let mut other = Rig::new();
+        let mut others = 0;
         let whole = Some(ModuleMessage::StateTaken { next: state.len() as u32 });
-        assert_eq!(load_state(&mut other, &mut sequence, StatePass::Check, &state), whole);
-        assert_eq!(other.endpoint.counters().compensation, None, "looked at, and nothing changed");
-        assert_eq!(load_state(&mut other, &mut sequence, StatePass::Restore, &state), whole);
-        assert_eq!(other.endpoint.counters().compensation, Some(checksum));
+        assert_eq!(load_state(&mut other, &mut others, &state), whole);
+        let counters = other.endpoint.counters();
+        assert_eq!((counters.states, counters.compensation), (1, Some(77)));
         assert_eq!(other.endpoint.conversation.time_ms, 49_000);
-        assert_eq!(other.say(sequence + 1, &step(60_000)), rig.say(50, &step(60_000)));
+        assert_eq!(other.say(others + 1, &step(60_000)), rig.say(sequence + 50, &step(60_000)));
     }
 
     #[test]
     fn no_step_is_made_while_a_state_is_not_whole() {
         let mut rig = Rig::configured();
         let refused = |error| Some(ModuleMessage::Refused(Refusal::State(error)));
+        let not_configured = Some(ModuleMessage::Refused(Refusal::NotConfigured));
         assert_eq!(
             Rig::new().say(1, &HostMessage::ReadState { begin: 0 }),
             refused(StateError::NotConfigured)
         );
         let state = read_state(&mut rig);
-        let mut sequence = 0;
-        let part = |pass, begin: usize| {
-            let bytes = state[begin..].iter().copied().take(STATE_PART).collect();
-            HostMessage::LoadState { pass, begin: begin as u32, bytes }
-        };
-        assert_eq!(rig.say(1, &part(StatePass::Restore, 0)), refused(StateError::NotChecked));
+        assert_eq!(rig.say(1, &part(&state, 8)), refused(StateError::Place { next: 0 }));
         assert_eq!(steps(rig.say(2, &step(1000))), 1, "and it flies on");
-        sequence += 2;
-        load_state(&mut rig, &mut sequence, StatePass::Check, &state);
-        rig.say(sequence + 1, &HostMessage::SetPace(Pace::Clock { period_ms: 1000 }));
-        assert!(matches!(
-            rig.say(sequence + 2, &part(StatePass::Restore, 0)),
-            Some(ModuleMessage::StateTaken { .. })
-        ));
+        rig.say(3, &HostMessage::SetPace(Pace::Clock { period_ms: 1000 }));
+        assert!(matches!(rig.say(4, &part(&state, 0)), Some(ModuleMessage::StateTaken { .. })));
         assert_eq!(rig.endpoint.pace(), Pace::Host, "the clock waits");
-        let not_configured = Some(ModuleMessage::Refused(Refusal::NotConfigured));
-        assert_eq!(rig.say(sequence + 3, &step(2000)), not_configured);
-        assert_eq!(
-            rig.say(sequence + 4, &HostMessage::ReadState { begin: 0 }),
-            refused(StateError::NotConfigured)
-        );
-        // From the start again: what was good once is good still.
-        sequence += 4;
-        load_state(&mut rig, &mut sequence, StatePass::Check, &state);
-        load_state(&mut rig, &mut sequence, StatePass::Restore, &state);
+        assert_eq!(rig.say(5, &step(2000)), not_configured);
+        assert_eq!(rig.say(6, &HostMessage::ReadState { begin: 0 }), refused(StateError::NotConfigured));
+        // From the start again.
+        let mut sequence = 6;
+        load_state(&mut rig, &mut sequence, &state);
         assert_eq!(steps(rig.say(sequence + 1, &step(2000))), 1);
+    }
+
+    /// A flying module keeps its configuration until it is told to forget it.
+    #[test]
+    fn a_state_of_another_configuration_does_not_wipe_the_flight() {
+        let mut rig = Rig::configured();
+        assert_eq!(steps(rig.say(1, &step(1000))), 1);
+        let other = ModuleConfig { max_age_ms: 700, ..ModuleConfig::default() };
+        let state = state_of(&other, None);
+        let refusal = ModuleMessage::Refused(Refusal::State(StateError::Configuration));
+        assert_eq!(rig.say(2, &part(&state, 0)), Some(refusal));
+        assert_eq!(steps(rig.say(3, &step(2000))), 2, "flies on");
+        assert_eq!(rig.say(4, &HostMessage::Forget), Some(ModuleMessage::Forgotten));
+        assert_eq!(rig.say(5, &step(3000)), Some(ModuleMessage::Refused(Refusal::NotConfigured)));
+        let mut sequence = 5;
+        load_state(&mut rig, &mut sequence, &state);
+        assert_eq!(steps(rig.say(sequence + 1, &step(3000))), 1);
     }
 
     #[test]
@@ -675,7 +686,7 @@ mod tests {
             rig.say(4, &step(4000)),
             Some(ModuleMessage::Refused(Refusal::Stale { last_sequence: 5 }))
         );
-        let late = rig.say(0, &HostMessage::Configure(ModuleConfig::default()));
+        let late = rig.say(0, &HostMessage::Forget);
         assert_eq!(
             late,
             Some(ModuleMessage::Refused(Refusal::Stale { last_sequence: 5 })),
@@ -697,36 +708,16 @@ mod tests {
     }
 
     #[test]
-    fn a_refused_configuration_changes_nothing_and_names_the_field() {
+    fn without_a_state_nothing_is_flown() {
         let mut rig = Rig::new();
-        assert_eq!(rig.say(1, &step(1000)), Some(ModuleMessage::Refused(Refusal::NotConfigured)));
-        assert_eq!(
-            rig.say(2, &HostMessage::SetPace(Pace::Host)),
-            Some(ModuleMessage::Refused(Refusal::NotConfigured))
-        );
-        rig.say(3, &HostMessage::Configure(ModuleConfig::default()));
-        assert_eq!(steps(rig.say(4, &step(1000))), 1);
-        let mut config = ModuleConfig::default();
-        config.filter.step_s = -1.0;
-        let refusal = Refusal::Configuration {
-            field: "filter.step_s".try_into().unwrap(),
-            problem: "must be greater than zero".try_into().unwrap(),
-        };
-        assert_eq!(rig.say(5, &HostMessage::Configure(config)), Some(ModuleMessage::Refused(refusal)));
-        assert_eq!(steps(rig.say(6, &step(2000))), 2, "flies on");
-        let endless = "x".repeat(500).leak();
-        let Refusal::Configuration { field, .. } =
-            Refusal::from(ConfigError::new(endless, Problem::NotFinite))
-        else {
-            panic!()
-        };
-        assert_eq!(field.len(), 64, "clipped, not dropped");
+        let not_configured = Some(ModuleMessage::Refused(Refusal::NotConfigured));
+        assert_eq!(rig.say(1, &step(1000)), not_configured);
+        assert_eq!(rig.say(2, &HostMessage::SetPace(Pace::Host)), not_configured);
     }
 
-    /// A block is taken whole or not at all, and the module says which one is in force.
+    /// What the ground has put into the state corrects the inputs, and the module says what it is called.
     #[test]
-    fn a_compensation_block_is_loaded_or_refused_with_the_reason() {
-        let mut rig = Rig::new();
+    fn a_compensation_block_comes_with_the_state() {
         let term = Term {
             target: Target::Velocity,
             coefficient: 0.25,
@@ -734,40 +725,22 @@ mod tests {
         };
         let block = Block { terms: [term].into_iter().collect(), ..Block::default() };
         let bytes = block::encode(&block);
-        let load = |bytes: &BlockBytes| HostMessage::LoadCompensation(bytes.clone());
-        assert_eq!(rig.say(1, &load(&bytes)), Some(ModuleMessage::Refused(Refusal::NotConfigured)));
-        rig.say(2, &HostMessage::Configure(ModuleConfig::default()));
-        let checksum = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&bytes[..bytes.len() - 4]);
-        assert_eq!(rig.say(3, &load(&bytes)), Some(ModuleMessage::CompensationLoaded { checksum }));
-        assert_eq!(rig.endpoint.counters().compensation, Some(checksum));
-
-        let mut damaged = bytes.clone();
-        damaged[20] ^= 1;
-        let refused = |problem| Some(ModuleMessage::Refused(Refusal::Block(problem)));
-        assert_eq!(rig.say(4, &load(&damaged)), refused(BlockError::Checksum));
-        assert_eq!(rig.say(5, &load(&BlockBytes::new())), refused(BlockError::Form));
-        let mut nan = block.clone();
-        nan.terms[0].coefficient = f32::NAN;
-        match rig.say(6, &load(&block::encode(&nan))) {
-            Some(ModuleMessage::Refused(Refusal::Configuration { field, .. })) => {
-                assert_eq!(field, "compensation.terms.coefficient");
-            }
-            other => panic!("{other:?}"),
-        }
-        // The first one is in force still.
-        assert_eq!(rig.endpoint.counters().compensation, Some(checksum));
+        let (_, name) = block::decode(&bytes).unwrap();
+        let (mut rig, mut sequence) = (Rig::configured(), 0);
+        load_state(&mut rig, &mut sequence, &state_of(&ModuleConfig::default(), Some((&block, name))));
+        assert_eq!(rig.endpoint.counters().compensation, Some(name));
         let input = StepInput {
             velocity_error: schuler_core::reading::Reading::good(0.25),
             ..StepInput::without_readings(1000)
         };
-        match rig.say(7, &HostMessage::Step(input)) {
+        match rig.say(sequence + 1, &HostMessage::Step(input)) {
             Some(ModuleMessage::Output(output)) => {
                 assert_eq!((output.compensation.velocity, output.filter.innovation), (0.25, 0.0));
             }
             other => panic!("{other:?}"),
         }
-        rig.say(8, &HostMessage::Configure(ModuleConfig::default()));
-        assert_eq!(rig.endpoint.counters().compensation, None, "a configuration starts without");
+        rig.say(sequence + 2, &HostMessage::Forget);
+        assert_eq!(rig.endpoint.counters().compensation, None);
     }
 
     #[test]

@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use crate::PROTOCOL;
 
 /// Longest serialised message, bytes.
-pub const MAX_MESSAGE: usize = 2560;
+pub const MAX_MESSAGE: usize = 1024;
 
 /// Longest frame on the wire, borders included, bytes.
 pub const MAX_WIRE: usize = on_the_wire(MAX_MESSAGE);
@@ -231,13 +231,11 @@ mod tests {
 
     use heapless::Vec as Bytes;
     use proptest::prelude::*;
-    use schuler_core::compensation::Block;
-    use schuler_core::module::{FlightModule, ModuleConfig, StateError, StatePass, StepInput};
+    use schuler_core::module::{FlightModule, StateError, StepInput};
     use schuler_core::reading::Reading;
     use serde::de::DeserializeOwned;
 
     use super::*;
-    use crate::block::{BlockError, encode};
     use crate::message::{
         Banner, Board, Counters, HostMessage, Identity, ModuleMessage, Pace, Refusal, RefusedFrames,
         STATE_PART, Start, Tick, Transport,
@@ -319,38 +317,27 @@ mod tests {
         for message in std::vec![
             HostMessage::Hello,
             HostMessage::Counters,
-            HostMessage::Configure(ModuleConfig::default()),
+            HostMessage::Forget,
             step,
-            HostMessage::LoadCompensation(encode(&Block::default())),
             HostMessage::SetPace(Pace::Clock { period_ms: 1000 }),
             HostMessage::Reset,
             HostMessage::ReadState { begin: 12_345 },
-            HostMessage::LoadState {
-                pass: StatePass::Restore,
-                begin: 512,
-                bytes: (0..STATE_PART).map(|k| k as u8).collect(),
-            },
+            HostMessage::LoadState { begin: 512, bytes: (0..STATE_PART).map(|k| k as u8).collect() },
         ] {
             let (frames, _) = listen::<HostMessage>(&mut Decoder::new(), &wire(u32::MAX, &message));
             assert_eq!((frames[0].sequence, &frames[0].message), (u32::MAX, &message));
         }
         let identity = Identity { board: Board::Host, transport: Transport::Memory, start: Start::PowerOn };
         let output = FlightModule::new().step(&input(1));
-        let refusal = Refusal::Configuration {
-            field: "filter.gyro.tau_s".try_into().unwrap(),
-            problem: "must be greater than zero".try_into().unwrap(),
-        };
         for message in [
             ModuleMessage::Banner(Banner::new(identity)),
             ModuleMessage::Counters(Counters::NONE),
-            ModuleMessage::Configured,
-            ModuleMessage::CompensationLoaded { checksum: 0x0102_0304 },
+            ModuleMessage::Forgotten,
             ModuleMessage::Output(output),
             ModuleMessage::PaceSet(Pace::Host),
             ModuleMessage::Tick(Tick { output, fresh: true, ..Tick::default() }),
-            ModuleMessage::Refused(refusal),
+            ModuleMessage::Refused(Refusal::NotConfigured),
             ModuleMessage::Refused(Refusal::Stale { last_sequence: 3 }),
-            ModuleMessage::Refused(Refusal::Block(BlockError::Version(9))),
             ModuleMessage::Refused(Refusal::State(StateError::Place { next: 7 })),
             ModuleMessage::State {
                 begin: 512,
@@ -449,7 +436,7 @@ mod tests {
                     .collect(),
                 FrameError::Checksum,
             ),
-            (wire(1, &ModuleMessage::Configured), FrameError::Direction(b'<')),
+            (wire(1, &ModuleMessage::Forgotten), FrameError::Direction(b'<')),
             (sealed(&[b'>', PROTOCOL + 1, 1, 0, 0, 0, 0]), FrameError::Version(PROTOCOL + 1)),
             (sealed(&[b'>', PROTOCOL, 1, 0, 0, 0, 99]), FrameError::Content),
             (sealed(&[b'>', PROTOCOL, 1, 0, 0, 0, 0, 0]), FrameError::Content),

@@ -43,7 +43,7 @@ pub mod ring;
 mod seal;
 
 /// Version of the protocol: frame layout and messages. A frame of another version is refused.
-pub const PROTOCOL: u8 = 3;
+pub const PROTOCOL: u8 = 4;
 
 /// Hash of the sources that determine what an image computes (`build.rs` lists them). A host built from other
 /// sources than the image it talks to sees it here, before it trusts a comparison bit by bit.

@@ -1,12 +1,10 @@
 //! What host and module can say to each other.
-use core::fmt::{self, Write};
+use core::fmt;
 
 use heapless::{String, Vec};
-use schuler_core::config::ConfigError;
-use schuler_core::module::{ModuleConfig, StateError, StatePass, StepInput, StepOutput};
+use schuler_core::module::{StateError, StepInput, StepOutput};
 use serde::{Deserialize, Serialize};
 
-use crate::block::{BlockBytes, BlockError, MAX_BLOCK};
 use crate::frame::{FrameError, MAX_MESSAGE, Message};
 use crate::{PROTOCOL, SOURCE_HASH, VERSION};
 
@@ -17,28 +15,24 @@ pub const STATE_PART: usize = 512;
 pub type StateBytes = Vec<u8, STATE_PART>;
 
 /// What the host says, with bytes of its own.
-pub type HostMessage = HostMessageOf<BlockBytes, StateBytes>;
+pub type HostMessage = HostMessageOf<StateBytes>;
 
 /// The same as the module hears it: its bytes stay where the decoder has put them.
-pub type HeardMessage<'a> = HostMessageOf<&'a [u8], &'a [u8]>;
+pub type HeardMessage<'a> = HostMessageOf<&'a [u8]>;
 
-/// From the host to the module. `B` and `S` hold the bytes of a compensation block and of a part of a saved state.
+/// From the host to the module. `S` holds the bytes of a part of a saved state.
 ///
 /// [`Hello`](Self::Hello), [`Counters`](Self::Counters) and [`ReadState`](Self::ReadState) are questions: they change nothing and are answered
 /// always. The others are commands: each is carried out at most once (see [`crate::endpoint`]).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[allow(clippy::large_enum_variant)] // No heap to box it in.
-pub enum HostMessageOf<B, S> {
+pub enum HostMessageOf<S> {
     /// Who are you? Answered with [`ModuleMessage::Banner`].
     Hello,
     /// How has it gone? Answered with [`ModuleMessage::Counters`].
     Counters,
-    /// Start afresh with this configuration, at the host's pace and without a compensation block. Answered with [`ModuleMessage::Configured`] or
-    /// [`Refusal::Configuration`]; a refused configuration changes nothing.
-    Configure(ModuleConfig),
-    /// Correct the inputs by this compensation block ([`crate::block`]) from the next step on. Answered with
-    /// [`ModuleMessage::CompensationLoaded`], [`Refusal::Block`] or [`Refusal::Configuration`]; a refused block changes nothing.
-    LoadCompensation(B),
+    /// Forget everything and wait for a state, as after a reset. Answered with [`ModuleMessage::Forgotten`].
+    Forget,
     /// The input of a step. At the host's pace it is run at once and answered with [`ModuleMessage::Output`]; at the
     /// clock's pace it waits for the next tick and is not answered by itself.
     Step(StepInput),
@@ -52,12 +46,11 @@ pub enum HostMessageOf<B, S> {
         /// In bytes from the start of the saved state.
         begin: u32,
     },
-    /// Take this part of a saved state ([`schuler_core::module::StateLoader`]). The whole state comes twice, first to be checked and
-    /// then to be flown. Answered with [`ModuleMessage::StateTaken`] or [`Refusal::State`]. Once it is flown, the module is at the
-    /// host's pace.
+    /// Take this part of a saved state ([`schuler_core::module::StateLoader`]): one of before an outage, or one that a computer on the
+    /// ground has made from a configuration and a compensation block. A module with another configuration has to
+    /// [forget](Self::Forget) it first. Answered with [`ModuleMessage::StateTaken`] or
+    /// [`Refusal::State`]. From the first part to the last the module makes no step; then it is at the host's pace.
     LoadState {
-        /// Which time.
-        pass: StatePass,
         /// Where the part begins, in bytes from the start of the saved state.
         begin: u32,
         /// The part.
@@ -65,7 +58,7 @@ pub enum HostMessageOf<B, S> {
     },
 }
 
-impl<B: Serialize, S: Serialize> Message for HostMessageOf<B, S> {
+impl<S: Serialize> Message for HostMessageOf<S> {
     const DIRECTION: u8 = b'>';
 }
 
@@ -77,13 +70,8 @@ pub enum ModuleMessage {
     Banner(Banner),
     /// The counters since the reset.
     Counters(Counters),
-    /// The configuration is in force.
-    Configured,
-    /// The compensation block is in force.
-    CompensationLoaded {
-        /// Its checksum.
-        checksum: u32,
-    },
+    /// The module waits for a state.
+    Forgotten,
     /// The result of a step at the host's pace.
     Output(StepOutput),
     /// The pace is in force.
@@ -122,9 +110,8 @@ const TAG: usize = 1;
 
 // A field of postcard takes at most one and a half times its size in memory (a u64 as ten bytes, a u16 as three).
 // A message that outgrows the frame is to be found here and not in flight. Bytes stay what they are, after their number.
-const _: () = assert!(size_of::<ModuleConfig>() * 3 / 2 + TAG <= MAX_MESSAGE);
 const _: () = assert!(size_of::<StepInput>() * 3 / 2 + TAG <= MAX_MESSAGE);
-const _: () = assert!(MAX_BLOCK + 3 + TAG <= MAX_MESSAGE);
+const _: () = assert!(size_of::<StateBytes>() * 3 / 2 + TAG <= MAX_MESSAGE);
 const _: () = assert!(MAX_ANSWER <= MAX_MESSAGE);
 const _: () = assert!(size_of::<StateBytes>() <= size_of::<StepOutput>() + 64);
 
@@ -167,7 +154,7 @@ impl Banner {
     pub fn new(identity: Identity) -> Self {
         Self {
             protocol: PROTOCOL,
-            version: clipped(format_args!("{VERSION}")),
+            version: VERSION.try_into().unwrap_or_default(),
             source_hash: SOURCE_HASH,
             board: identity.board,
             transport: identity.transport,
@@ -240,18 +227,9 @@ pub enum Start {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[allow(clippy::large_enum_variant)] // No heap to box it in.
 pub enum Refusal {
-    /// A configuration that cannot be flown; what was in force before still is.
-    Configuration {
-        /// Path of the field.
-        field: String<64>,
-        /// What is wrong with it.
-        problem: String<128>,
-    },
-    /// The bytes are not a compensation block; what was in force before still is.
-    Block(BlockError),
     /// The state can be neither read nor loaded.
     State(StateError),
-    /// A step, a pace or a compensation block before any configuration: after a reset the module does not fly on with defaults.
+    /// A step or a pace before any state: after a reset the module does not fly on with defaults.
     NotConfigured,
     /// The command's number is behind the last one: it came late, and its turn has passed.
     Stale {
@@ -264,15 +242,6 @@ pub enum Refusal {
     Pace,
     /// The answer did not fit into a frame. The command was carried out.
     AnswerTooLong,
-}
-
-impl From<ConfigError> for Refusal {
-    fn from(error: ConfigError) -> Self {
-        Self::Configuration {
-            field: clipped(format_args!("{}", error.field)),
-            problem: clipped(format_args!("{}", error.problem)),
-        }
-    }
 }
 
 /// A step at the clock's pace.
@@ -309,8 +278,8 @@ pub struct Counters {
     pub stale: u32,
     /// Commands with a number in use and another content.
     pub conflicts: u32,
-    /// Configurations in force, one after the other.
-    pub configurations: u32,
+    /// States that were brought back.
+    pub states: u32,
     /// Checksum of the compensation block in force.
     pub compensation: Option<u32>,
     /// Steps run, at either pace.
@@ -336,7 +305,7 @@ impl Counters {
         repeated: 0,
         stale: 0,
         conflicts: 0,
-        configurations: 0,
+        states: 0,
         compensation: None,
         steps: 0,
         missing_inputs: 0,
@@ -399,18 +368,4 @@ impl RefusedFrames {
         };
         *counter = counter.saturating_add(1);
     }
-}
-
-/// The text, as far as it fits.
-fn clipped<const N: usize>(text: fmt::Arguments<'_>) -> String<N> {
-    struct Clip<const N: usize>(String<N>);
-    impl<const N: usize> Write for Clip<N> {
-        fn write_str(&mut self, text: &str) -> fmt::Result {
-            text.chars().try_for_each(|letter| self.0.push(letter)).map_err(|_| fmt::Error)
-        }
-    }
-    let mut clip = Clip(String::new());
-    // An error says that the rest was clipped.
-    let _ = clip.write_fmt(text);
-    clip.0
 }

@@ -5,6 +5,7 @@
 //! | `BOARD` | its name |
 //! | `CLOCK_HZ` | rate of `clock`, a multiple of 1 MHz |
 //! | `CORE_HZ` | rate of the processor |
+//! | `INTERRUPTS` | number of interrupts that devices can raise |
 //! | `start` | starts clocks, pins, serial lines and watchdog |
 //! | `clock` | a counter that runs freely through all of its 32 bits |
 //! | `feed_watchdog` | puts the reset off |
@@ -24,14 +25,14 @@ mod mps2_an386;
 #[cfg(feature = "mps2-an386")]
 pub use mps2_an386::{BOARD, CLOCK_HZ, clock, feed_watchdog, link_send, log_send};
 #[cfg(feature = "mps2-an386")]
-use mps2_an386::{CORE_HZ, interrupt, start as start_board};
+use mps2_an386::{CORE_HZ, INTERRUPTS, interrupt, start as start_board};
 
 #[cfg(feature = "stm32f405")]
 mod stm32f405;
 #[cfg(feature = "stm32f405")]
 pub use stm32f405::{BOARD, CLOCK_HZ, clock, feed_watchdog, link_send, log_send};
 #[cfg(feature = "stm32f405")]
-use stm32f405::{CORE_HZ, interrupt, start as start_board};
+use stm32f405::{CORE_HZ, INTERRUPTS, interrupt, start as start_board};
 
 #[cfg(not(any(feature = "mps2-an386", feature = "stm32f405")))]
 compile_error!("choose the board: --features mps2-an386 or --features stm32f405");
@@ -80,6 +81,22 @@ fn start_beat(syst: &mut SYST) {
     syst.clear_current();
     syst.enable_interrupt();
     syst.enable_counter();
+}
+
+/// The vectors of the devices: as many as the processor has. All 240 that a core can have would take 630 bytes more.
+#[allow(unsafe_code)]
+mod vectors {
+    use super::INTERRUPTS;
+
+    unsafe extern "C" {
+        /// The one below.
+        fn DefaultHandler();
+    }
+
+    // SAFETY: the section is that of the vectors behind those of the core, and nothing else defines the name.
+    #[unsafe(link_section = ".vector_table.interrupts")]
+    #[unsafe(no_mangle)]
+    static __INTERRUPTS: [unsafe extern "C" fn(); INTERRUPTS] = [DefaultHandler; INTERRUPTS];
 }
 
 /// Waking is all it does.

@@ -17,6 +17,9 @@ use crate::start;
 pub const BOARD: Board = Board::Mps2An386;
 /// Rate of the processor.
 pub(super) const CORE_HZ: u32 = 25_000_000;
+
+/// Number of interrupts that devices can raise.
+pub(super) const INTERRUPTS: usize = 32;
 /// Rate of [`clock`].
 pub const CLOCK_HZ: u32 = 25_000_000;
 

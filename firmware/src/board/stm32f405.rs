@@ -15,6 +15,9 @@ use crate::register::Peripheral;
 pub const BOARD: Board = Board::Stm32f405;
 /// Rate of the processor.
 pub(super) const CORE_HZ: u32 = 16_000_000;
+
+/// Number of interrupts that devices can raise (RM0090, table 61).
+pub(super) const INTERRUPTS: usize = 82;
 /// Rate of [`clock`].
 pub const CLOCK_HZ: u32 = 1_000_000;
 

@@ -190,11 +190,16 @@ impl<'c> Products<'c> {
         let Some((directory, path, writer)) = self.files else { return Ok((summary, Vec::new())) };
         writer.finish()?;
         let mut files = vec![path];
-        // For who has the module in his own flight software. What has flown can be flown.
-        if let Ok(block) = configuration::encode(&self.channel.config) {
-            let path = directory.join(format!("{}_configuration.bin", self.channel.name));
-            output::write(&path, &block)?;
-            files.push(path);
+        // For who has the module in his own flight software, and for the image, which takes a state. What has flown can be flown.
+        let configuration = configuration::encode(&self.channel.config).map(|block| block.to_vec());
+        let blocks =
+            [("configuration", configuration.ok()), ("state", flight::initial_state(self.channel).ok())];
+        for (what, block) in blocks {
+            if let Some(block) = block {
+                let path = directory.join(format!("{}_{what}.bin", self.channel.name));
+                output::write(&path, &block)?;
+                files.push(path);
+            }
         }
         for (name, figure) in self.figures.map(|it| it.finish(&summary)).unwrap_or_default() {
             files.extend(figure.write(directory, &name, self.formats)?);

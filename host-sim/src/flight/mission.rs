@@ -90,6 +90,17 @@ pub fn fly<E: Into<FlightError>>(
     Ok(())
 }
 
+/// What a board is loaded with to fly this channel: the state of a module that has been configured and corrected and has made no
+/// step.
+///
+/// # Errors
+/// The configuration or the compensation block cannot be flown.
+pub fn initial_state(channel: &Channel) -> Result<Vec<u8>, TargetError> {
+    let mut ground = HostModule::new();
+    prepare(&mut ground, channel)?;
+    ground.save()
+}
+
 fn prepare(target: &mut impl Target, channel: &Channel) -> Result<(), TargetError> {
     target.configure(&channel.config)?;
     channel.compensation.as_ref().map_or(Ok(()), |block| target.load_compensation(block))

@@ -20,7 +20,7 @@ pub mod summary;
 pub mod truth;
 mod velocities;
 
-pub use mission::{Flown, On, fly};
+pub use mission::{Flown, On, fly, initial_state};
 pub use plan::{Channel, Step, plan, plan_stream};
 pub use summary::{Summary, Summing};
 pub use truth::{LoopStates, LoopTruth};

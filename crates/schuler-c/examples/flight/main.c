@@ -96,7 +96,7 @@ static void provoke_with_bytes(void)
     expect_configure("newer.bin", SCHULER_RESULT_VERSION);
     expect_configure("nonsense.bin", SCHULER_RESULT_CONTENT);
     expect_configure("compensation.bin", SCHULER_RESULT_FORM);
-    expect(schuler_restore(&module, block, 1) == SCHULER_RESULT_NOT_CONFIGURED, "none of them was taken");
+    expect(schuler_state_length(&module, &length) == SCHULER_RESULT_NOT_CONFIGURED, "none of them was taken");
 
     /* The state of a module with another configuration. */
     expect_configure("other.bin", SCHULER_RESULT_OK);

@@ -227,8 +227,16 @@ fn read_estimates<T: RealField + Copy, const LEVELS: usize>(
 }
 
 saved!([T: Blank, const LEVELS: usize] HealthMonitor<T, LEVELS> {
-    state;
-    fixed priors, ladder, thresholds, normal_levels, inertial_bound, attribution_steps, unobserved_steps, bridged_steps, max_age_ms
+    state,
+    priors,
+    ladder,
+    thresholds,
+    normal_levels < LEVELS + 1,
+    inertial_bound,
+    attribution_steps,
+    unobserved_steps,
+    bridged_steps < MAX_SPAN_STEPS + 1,
+    max_age_ms,
 });
 saved!([T: Blank, const LEVELS: usize] State<T, LEVELS> { recursion, started, silence, rejected, jump_steps, alarms });
 

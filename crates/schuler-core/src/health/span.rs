@@ -11,6 +11,7 @@ use nalgebra::RealField;
 
 use super::config::HealthConfig;
 use crate::number::select;
+use crate::saved::{Blank, saved};
 
 /// Number of doublings held.
 const STAGES: usize = 10;
@@ -155,6 +156,17 @@ fn ratio_or_zero<T: RealField + Copy>(numerator: T, denominator: T) -> T {
     let exists = denominator > T::zero();
     select(exists, numerator / select(exists, denominator, T::one()), T::zero())
 }
+
+saved!([T: Blank, const LEVELS: usize] Span<T, LEVELS> {
+    correlation,
+    duration,
+    inertial_noise,
+    jump_transition,
+    unbroken,
+    level_transition,
+    level_noise,
+});
+saved!([T: Blank, const LEVELS: usize] SpanLadder<T, LEVELS> { stages });
 
 #[cfg(test)]
 mod tests {

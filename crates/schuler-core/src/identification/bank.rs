@@ -393,6 +393,5 @@ saved!([const L: usize, const M: usize] FilterBank<L, M> {
     done,
     greatest,
     sums,
-    mixture;
-    fixed
+    mixture,
 });

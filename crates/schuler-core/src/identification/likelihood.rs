@@ -915,11 +915,10 @@ saved!([] LikelihoodIdentifier {
     coloured,
     coloured_value,
     coloured_candidate,
-    coloured_best;
-    fixed
-});
+    coloured_best,
+} always);
 
-/// Both are words of four bytes, each of which can be anything: who only checks need not know which of them the bytes hold.
+/// Filled up to one length, so that what comes behind has its place whichever it is.
 impl Saved for Place {
     fn walk(&mut self, walk: &mut Walk<'_>) {
         let mut tag = u8::from(self.bank().is_none());
@@ -994,11 +993,7 @@ mod tests {
         for from in [&bank, &read_out] {
             for over in [&bank, &read_out, &Place::EMPTY] {
                 let (mut from, mut over) = (*from, *over);
-                let (saved, before) = (bytes(&mut from), bytes(&mut over));
-                let mut walk = Walk::check(0, &saved, Checksum::EMPTY);
-                over.walk(&mut walk);
-                assert!(!walk.is_flawed());
-                assert_eq!(bytes(&mut over), before, "a check changes nothing");
+                let saved = bytes(&mut from);
                 let mut walk = Walk::restore(0, &saved, Checksum::EMPTY);
                 over.walk(&mut walk);
                 assert_eq!(walk.served() as usize, saved.len());

@@ -121,5 +121,5 @@ impl ReadOut {
     }
 }
 
-saved!([] Channel { newest, products, variance; fixed });
-saved!([] ReadOut { channels, pass, first, count; fixed });
+saved!([] Channel { newest, products, variance });
+saved!([] ReadOut { channels, pass, first, count });

@@ -210,8 +210,7 @@ saved!([const D: usize, const V: usize] Simplex<D, V> {
     reflected,
     at_reflected,
     wanted,
-    evaluations;
-    fixed
+    evaluations,
 });
 
 #[cfg(test)]

@@ -152,9 +152,8 @@ saved!([] MeasurementWindow {
     completed,
     sum,
     present < DECIMATION,
-    steps < DECIMATION;
-    fixed
-});
+    steps < DECIMATION,
+} always);
 
 impl Saved for Packed {
     fn walk(&mut self, walk: &mut Walk<'_>) {

@@ -30,4 +30,4 @@ impl OffsetCalibration {
     }
 }
 
-saved!([] OffsetCalibration { samples, sum; fixed needed });
+saved!([] OffsetCalibration { samples, sum, needed });

@@ -108,4 +108,4 @@ impl<T: RealField + Copy> FiveGyroDetector<T> {
     }
 }
 
-saved!([T: Blank] FiveGyroDetector<T> { watch, investigation; fixed });
+saved!([T: Blank] FiveGyroDetector<T> { watch, investigation });

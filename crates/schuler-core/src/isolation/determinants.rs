@@ -18,6 +18,7 @@ use nalgebra::{RealField, SVector, Vector3};
 
 use super::orthogonal::elements;
 use super::parity::{GYROS, ParitySpace};
+use crate::saved::{Blank, saved};
 
 /// Coefficients of the five determinants as linear forms of the measurements.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,3 +77,5 @@ fn signed_minor<T: RealField + Copy>(axes: &[Vector3<T>; GYROS], removed: usize,
         (false, false) => minor,
     }
 }
+
+saved!([T: Blank] FiveDeterminants<T> { minors });

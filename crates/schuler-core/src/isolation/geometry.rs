@@ -8,6 +8,7 @@ use nalgebra::{RealField, SMatrix, SVector, Vector3};
 
 use super::orthogonal::{ThinQr, columns, elements};
 use crate::config::{ConfigError, Problem};
+use crate::saved::{Blank, saved};
 
 /// Largest deviation of the length of an axis from one.
 const UNIT_NORM_TOLERANCE: f64 = 1e-3;
@@ -166,3 +167,5 @@ fn axis_field(gyro: usize) -> &'static str {
 pub(super) fn constant<T: RealField>(value: f64) -> T {
     nalgebra::convert(value)
 }
+
+saved!([T: Blank, const N: usize] BlockGeometry<T, N> { axes, reference_sigma, volume });

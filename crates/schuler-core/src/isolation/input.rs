@@ -91,4 +91,5 @@ impl Channel {
 }
 
 saved!([] Channel { last, identical, silent });
-saved!([] InputMonitor { channels; fixed limits });
+saved!([] InputLimits { range, stuck_samples, lost_samples });
+saved!([] InputMonitor { limits, channels });

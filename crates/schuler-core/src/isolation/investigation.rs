@@ -152,5 +152,7 @@ saved!([T: Blank] Investigation<T> {
     evidence,
     shift,
     support,
-    age; fixed margin, give_up_samples
+    age,
+    margin,
+    give_up_samples,
 });

@@ -427,6 +427,14 @@ saved!([] FaultIsolation {
     offset,
     offset_rejected,
     excluded,
-    covariance;
-    fixed space, lines, determinants, estimator, inverse_sigma, inflation, rate_limit_squared, offset_limit, margin
+    covariance,
+    space,
+    lines,
+    determinants,
+    estimator,
+    inverse_sigma,
+    inflation,
+    rate_limit_squared,
+    offset_limit,
+    margin,
 });

@@ -10,6 +10,7 @@ use nalgebra::{RealField, SMatrix, SVector, Vector2};
 use super::geometry::BlockGeometry;
 use super::orthogonal::{ThinQr, columns, normalised};
 use crate::config::ConfigError;
+use crate::saved::{Blank, saved};
 
 /// Number of gyros.
 pub const GYROS: usize = 5;
@@ -111,3 +112,5 @@ impl ParitySpace<f64> {
         }
     }
 }
+
+saved!([T: Blank] ParitySpace<T> { geometry, matrix, sensitivity, directions });

@@ -9,6 +9,7 @@ use nalgebra::{Matrix3, RealField, SVector, Vector3};
 use super::orthogonal::ThinQr;
 use super::parity::{GYROS, ParitySpace};
 use crate::number::select;
+use crate::saved::{Blank, saved};
 
 /// Weighted least squares over all five gyros, and over every four of them.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,3 +65,5 @@ impl<T: RealField + Copy> RateEstimator<T> {
         gyro.and_then(|gyro| self.gains.get(gyro).copied()).unwrap_or_else(Vector3::zeros)
     }
 }
+
+saved!([T: Blank] RateEstimator<T> { gains, covariance });

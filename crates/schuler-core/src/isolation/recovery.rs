@@ -48,4 +48,4 @@ impl RecoveryMonitor {
     }
 }
 
-saved!([] RecoveryMonitor { samples, energy, sum; fixed needed });
+saved!([] RecoveryMonitor { samples, energy, sum, needed });

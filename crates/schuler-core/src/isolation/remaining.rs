@@ -123,5 +123,8 @@ saved!([T: Blank] FourGyroDetector<T> {
     run,
     alarm,
     cause,
-    support; fixed kinds, gate, margin
+    support,
+    kinds,
+    gate,
+    margin,
 });

@@ -210,4 +210,5 @@ impl<T: RealField + Copy> Watch<T> {
 saved!([T: Blank] Evidence<T> { samples, sum });
 saved!([T: Blank] SumKind<T> { sign, reference, inverse_threshold });
 saved!([T: Blank] OneSidedSum<T> { level, evidence });
-saved!([T: Blank] Watch<T> { sums, run; fixed kinds, gate });
+saved!([T: Blank] Gate<T> { threshold, inverse_threshold, persistence });
+saved!([T: Blank] Watch<T> { sums, run, kinds, gate });

@@ -7,7 +7,7 @@ use crate::filter::{FilterConfig, MarkovNoise, positive};
 use crate::health::HealthConfig;
 use crate::identification::IdentificationConfig;
 use crate::isolation::{FaultIsolation, IsolationConfig};
-use crate::saved::{Saved, Walk};
+use crate::saved::{Saved, Walk, saved};
 use crate::thermal::TemperatureRateConfig;
 
 /// Everything that the module can be told before the flight.
@@ -54,25 +54,19 @@ impl Default for ModuleConfig {
 }
 
 impl ModuleConfig {
-    /// Hands everything to the walk, to tell one configuration from another.
-    pub(super) fn walk(&mut self, walk: &mut Walk<'_>) {
+    /// Tells one configuration from another.
+    pub(super) fn fingerprint(mut self) -> u32 {
         let Self { filter, identification, isolation, thermometers, health, max_age_ms, velocity_range } =
-            self;
-        filter.walk(walk);
-        identification.walk(walk);
-        isolation.walk(walk);
-        for thermometer in thermometers {
-            thermometer.is_some().walk(walk);
-            if let Some(thermometer) = thermometer {
-                thermometer.walk(walk);
-            }
-        }
-        health.is_some().walk(walk);
-        if let Some(health) = health {
-            health.walk(walk);
-        }
-        max_age_ms.walk(walk);
-        velocity_range.walk(walk);
+            &mut self;
+        let mut sum = Walk::sum();
+        filter.walk(&mut sum);
+        identification.walk(&mut sum);
+        isolation.walk(&mut sum);
+        thermometers.walk(&mut sum);
+        health.walk(&mut sum);
+        max_age_ms.walk(&mut sum);
+        velocity_range.walk(&mut sum);
+        sum.checksum().value()
     }
 
     /// Whether a module can be built from this.
@@ -97,3 +91,28 @@ impl ModuleConfig {
         positive("velocity_range", self.velocity_range)
     }
 }
+
+/// What a step needs of the configuration beside the parts that were built from it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct StepConfig {
+    pub(super) filter: FilterConfig<f32>,
+    pub(super) identification: IdentificationConfig,
+    /// The health monitor listens.
+    pub(super) monitored: bool,
+    pub(super) max_age_ms: u32,
+    pub(super) velocity_range: f32,
+}
+
+impl From<&ModuleConfig> for StepConfig {
+    fn from(config: &ModuleConfig) -> Self {
+        Self {
+            filter: config.filter,
+            identification: config.identification,
+            monitored: config.health.is_some(),
+            max_age_ms: config.max_age_ms,
+            velocity_range: config.velocity_range,
+        }
+    }
+}
+
+saved!([] StepConfig { filter, identification, monitored, max_age_ms, velocity_range });

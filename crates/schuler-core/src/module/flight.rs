@@ -1,7 +1,7 @@
 //! The module: its state, configuration, and the step.
 use core::array;
 
-use super::config::ModuleConfig;
+use super::config::{ModuleConfig, StepConfig};
 use super::input::{Command, StepInput};
 use super::output::{Status, StepOutput};
 use super::thermometer::Thermometer;
@@ -13,13 +13,15 @@ use crate::config::{ConfigError, Problem};
 use crate::health::{HealthConfig, HealthMonitor, HealthOutput};
 use crate::isolation::{FaultIsolation, IsolationOutput};
 use crate::reading::{Quality, Reading};
-use crate::saved::{Saved, Walk, saved};
+use crate::saved::{Blank, Saved, Walk, saved};
 use crate::thermal::{TemperatureRateOutput, ThermalState};
 
 /// The flight module's whole state: about 50 kB. Keep it in a static and configure it there.
 #[derive(Clone, Copy, Debug)]
 pub struct FlightModule {
     stage: Stage,
+    /// A saved state is being brought back; there is no step until it is whole.
+    loading: bool,
     identifier: Identifier,
     parts: Parts,
 }
@@ -57,7 +59,9 @@ enum Stage {
 /// What exists only once there is a configuration.
 #[derive(Clone, Copy, Debug)]
 struct Running {
-    config: ModuleConfig,
+    config: StepConfig,
+    /// Of the whole configuration.
+    fingerprint: u32,
     steps: u64,
     clock: Clock,
     /// The block in force has terms of the velocity channel.
@@ -67,8 +71,6 @@ struct Running {
     news: Status,
     /// What the block in force was called by whoever loaded it.
     compensation_name: Option<u32>,
-    /// A saved state is being brought back; there is no step until it is whole.
-    incomplete: bool,
 }
 
 impl FlightModule {
@@ -80,7 +82,7 @@ impl FlightModule {
             compensator: Slot::Empty,
             health: Slot::Empty,
         };
-        Self { stage: Stage::Waiting, identifier: Identifier::IDLE, parts }
+        Self { stage: Stage::Waiting, loading: false, identifier: Identifier::IDLE, parts }
     }
 
     /// Checks the configuration and starts the module anew from it, in place and without a compensation block. On an error the
@@ -95,6 +97,7 @@ impl FlightModule {
         self.stage.start(config)?;
         self.parts.start(config)?;
         self.identifier.start(&config.filter, &config.identification);
+        self.loading = false;
         Ok(())
     }
 
@@ -118,8 +121,8 @@ impl FlightModule {
         head: &BlockHead,
         mut terms: impl Iterator<Item = Term> + Clone,
     ) -> Result<(), ConfigError> {
-        let (Stage::Running(running), Slot::Full(compensator)) =
-            (&mut self.stage, &mut self.parts.compensator)
+        let (Stage::Running(running), Slot::Full(compensator), false) =
+            (&mut self.stage, &mut self.parts.compensator, self.loading)
         else {
             return Err(ConfigError::new("compensation", Problem::BeforeConfiguration));
         };
@@ -139,7 +142,7 @@ impl FlightModule {
     /// One step. Never panics; whatever the input, the state stays usable.
     pub fn step(&mut self, input: &StepInput) -> StepOutput {
         match &mut self.stage {
-            Stage::Running(running) if !running.incomplete => {
+            Stage::Running(running) if !self.loading => {
                 running.step(&mut self.identifier, &mut self.parts, input)
             }
             _ => {
@@ -172,41 +175,50 @@ impl FlightModule {
 
     fn running(&self) -> Option<&Running> {
         match &self.stage {
-            Stage::Running(running) => Some(running),
-            Stage::Waiting => None,
+            Stage::Running(running) if !self.loading => Some(running),
+            _ => None,
         }
+    }
+
+    /// Whether it can make a step.
+    pub(super) fn is_whole(&self) -> bool {
+        self.running().is_some()
     }
 
     /// Tells one configuration from another; none while there is none.
-    pub(super) fn fingerprint(&mut self) -> Option<u32> {
-        match &mut self.stage {
-            Stage::Running(running) => {
-                let mut sum = Walk::sum();
-                running.config.walk(&mut sum);
-                Some(sum.checksum().value())
-            }
-            Stage::Waiting => None,
-        }
+    pub(super) fn fingerprint(&self) -> Option<u32> {
+        self.running().map(|running| running.fingerprint)
     }
 
-    /// Hands everything that changes from step to step to the walk.
+    /// Whether a saved state is being brought back.
+    pub(super) fn is_loading(&self) -> bool {
+        self.loading
+    }
+
+    /// Forgets everything and makes room for a saved state; no step until it is whole.
+    pub(super) fn begin_loading(&mut self) {
+        self.loading = true;
+        self.stage.make_room();
+        self.parts.make_room();
+    }
+
+    /// The state is whole.
+    pub(super) fn end_loading(&mut self) {
+        self.loading = false;
+    }
+
+    /// Forgets everything and waits for a configuration or a state, as in the beginning.
+    pub fn forget(&mut self) {
+        self.loading = false;
+        self.stage = Stage::Waiting;
+    }
+
+    /// Hands everything to the walk.
     pub(crate) fn walk(&mut self, walk: &mut Walk<'_>) {
         if let Stage::Running(running) = &mut self.stage {
             self.identifier.walk(walk);
             running.walk(walk);
             self.parts.walk(walk);
-        }
-    }
-
-    /// Whether a state is being brought back and is not whole.
-    pub(super) fn is_incomplete(&self) -> bool {
-        self.running().is_some_and(|running| running.incomplete)
-    }
-
-    /// No steps until the state is whole.
-    pub(super) fn set_incomplete(&mut self, incomplete: bool) {
-        if let Stage::Running(running) = &mut self.stage {
-            running.incomplete = incomplete;
         }
     }
 }
@@ -222,16 +234,21 @@ impl Stage {
     #[inline(never)]
     fn start(&mut self, config: &ModuleConfig) -> Result<(), ConfigError> {
         *self = Self::Running(Running {
-            config: *config,
+            config: config.into(),
+            fingerprint: config.fingerprint(),
             steps: 0,
             clock: Clock::default(),
             corrects_velocity: false,
             velocity: VelocityChannel::try_build(&config.filter)?,
             news: Status::empty(),
             compensation_name: None,
-            incomplete: false,
         });
         Ok(())
+    }
+
+    #[inline(never)]
+    fn make_room(&mut self) {
+        *self = Self::Running(Running::blank());
     }
 }
 
@@ -242,6 +259,13 @@ impl Parts {
         self.start_isolation(config)?;
         self.start_compensator();
         self.start_health(config)
+    }
+
+    fn make_room(&mut self) {
+        self.isolation.make_room();
+        self.thermometers.iter_mut().for_each(Slot::make_room);
+        self.compensator.make_room();
+        self.health.make_room();
     }
 
     #[inline(never)]
@@ -339,10 +363,7 @@ impl Running {
         };
 
         // Health monitor.
-        let listened = |reading: &Reading<f32>| match config.health {
-            Some(_) => *reading,
-            None => Reading::missing(),
-        };
+        let listened = |reading: &Reading<f32>| if config.monitored { *reading } else { Reading::missing() };
         let (radio, inertial) = (listened(&input.radio_velocity), listened(&input.inertial_velocity));
         let health = match &mut parts.health {
             Slot::Full(monitor) => monitor.step(&radio, &inertial, passage.elapsed()),
@@ -368,16 +389,16 @@ fn value_of(reading: Reading<f64>) -> Option<f64> {
     (reading.quality == Quality::Good && reading.value.is_finite()).then_some(reading.value)
 }
 
-saved!([] Running {
-    steps,
-    clock,
-    corrects_velocity,
-    velocity,
-    news,
-    compensation_name;
-    fixed config, incomplete
-});
-saved!([] Parts { isolation, thermometers, compensator, health; fixed });
+impl<T: Blank> Slot<T> {
+    #[inline(never)]
+    fn make_room(&mut self) {
+        *self = Self::Full(T::blank());
+    }
+}
+
+saved!([] Running { config, fingerprint, steps, clock, corrects_velocity, velocity, news, compensation_name });
+
+saved!([] Parts { isolation, thermometers, compensator, health } always);
 
 /// Full from the configuration on; before, nothing is saved.
 impl<T: Saved> Saved for Slot<T> {

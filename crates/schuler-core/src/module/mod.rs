@@ -43,7 +43,7 @@ pub use config::ModuleConfig;
 pub use flight::FlightModule;
 pub use input::{Command, StepInput};
 pub use output::{Status, StepOutput};
-pub use state::{STATE_VERSION, StateError, StateLoader, StatePass};
+pub use state::{STATE_VERSION, StateError, StateLoader};
 
 /// Number of gyros in the block.
 pub const GYROS: usize = 5;

@@ -1,26 +1,30 @@
-//! The state of the module as bytes: a power cycle loses nothing but the outage.
+//! The state of the module as bytes: a power cycle loses nothing but the outage, and what is configured on the ground flies
+//! without a line of code that configures.
 //!
 //! ```text
-//! "SCHS" │ version u32 │ length u32 │ fingerprint of the configuration u32 │ everything that changes │ CRC-32
+//! "SCHS" │ version u32 │ length u32 │ fingerprint of the configuration u32 │ everything │ CRC-32
 //! ```
 //! All numbers are little-endian; the length is that of the whole block, and the checksum, that of the frames, covers everything
-//! before it. A module is configured first, as before the outage, and then brought back; what the configuration determines is
-//! not in the block. Its length is a matter of the configuration alone, and every value has its place.
+//! before it. What the configuration has determined is in the block with what changes from step to step, so a module needs
+//! nothing else to be brought back; one that has been configured takes none of another configuration. The length is a matter of
+//! the configuration alone, and every value has its place.
 //!
 //! A module that was brought back goes on as if it had never stopped: the same inputs give the same bits. The outage shows in
-//! the time of the next input, and is bridged or not like any other gap.
+//! the time of the next input, and is bridged or not like any other gap. One that has been configured and has made no step is
+//! a state like any other. A state is made by a module, which has checked its configuration; bringing it back checks that the bytes
+//! are those that were saved, and that no tag or index is impossible, but not again whether each number can be flown.
 //!
 //! Who has no memory for the whole block saves it in parts ([`FlightModule::save_part`]) and brings it back in parts
-//! ([`StateLoader`]), in two passes: the first looks at everything and changes nothing.
+//! ([`StateLoader`]).
 use core::fmt;
 
 use serde::{Deserialize, Serialize};
 
 use super::FlightModule;
-use crate::saved::{Checksum, Walk};
+use crate::saved::{Checksum, Saved, Walk};
 
 /// Version of the block: what is saved, and in which order.
-pub const STATE_VERSION: u32 = 3;
+pub const STATE_VERSION: u32 = 4;
 
 const MAGIC: [u8; 4] = *b"SCHS";
 /// Magic, version, length, fingerprint.
@@ -36,7 +40,7 @@ pub enum StateError {
     Form,
     /// Of another version.
     Version(u32),
-    /// Of a module with another configuration.
+    /// Of a module with another configuration than this one has.
     Configuration,
     /// The checksum does not fit.
     Checksum,
@@ -47,8 +51,6 @@ pub enum StateError {
         /// In bytes from the start of the block.
         next: u32,
     },
-    /// These bytes have not been looked at from beginning to end.
-    NotChecked,
     /// Less room than the block needs.
     Room,
 }
@@ -65,7 +67,6 @@ impl fmt::Display for StateError {
             Self::Checksum => f.write_str("does not fit its checksum"),
             Self::Content => f.write_str("fits its checksum, but has a value that cannot be"),
             Self::Place { next } => write!(f, "is to go on at byte {next}"),
-            Self::NotChecked => f.write_str("has not been checked before it is brought back"),
             Self::Room => f.write_str("does not fit into the room that there is for it"),
         }
     }
@@ -80,10 +81,7 @@ impl FlightModule {
     /// # Errors
     /// [`StateError::NotConfigured`].
     pub fn state_length(&mut self) -> Result<u32, StateError> {
-        if self.is_incomplete() || self.fingerprint().is_none() {
-            return Err(StateError::NotConfigured);
-        }
-        Ok(self.block_length())
+        if self.is_whole() { Ok(self.block_length()) } else { Err(StateError::NotConfigured) }
     }
 
     /// Saves the whole state; the bytes written. Nothing is changed.
@@ -114,18 +112,23 @@ impl FlightModule {
         Ok(written as usize)
     }
 
-    /// Goes on from a saved state. The module must have been configured as the one that was saved; what it was doing is
-    /// forgotten. On an error it goes on as it was.
+    /// Goes on from a saved state; what the module was doing is forgotten. One that has been configured takes none of another
+    /// configuration, unless it is told to [forget](Self::forget) its own; one that waits takes any.
     ///
     /// # Errors
-    /// Why the bytes are not a state of this module.
+    /// Why the bytes are not a state. The module goes on as it was; but after [`StateError::Content`] it waits for a configuration
+    /// or another state, as in the beginning.
     pub fn restore(&mut self, bytes: &[u8]) -> Result<(), StateError> {
-        self.fingerprint().ok_or(StateError::NotConfigured)?;
         examine(bytes)?;
-        self.walk_block(&mut Walk::check(0, bytes, Checksum::default()))?;
-        self.walk_block(&mut Walk::restore(0, bytes, Checksum::default()))?;
-        self.set_incomplete(false);
-        Ok(())
+        match StateLoader::new().take(self, 0, bytes) {
+            Ok(next) if next as usize == bytes.len() => Ok(()),
+            // Of a length that no state has: somebody's work.
+            Ok(_) => {
+                self.forget();
+                Err(StateError::Content)
+            }
+            Err(error) => Err(error),
+        }
     }
 
     fn block_length(&mut self) -> u32 {
@@ -150,123 +153,112 @@ impl FlightModule {
 
     /// Everything but the checksum.
     fn walk_body(&mut self, walk: &mut Walk<'_>) -> Result<(), StateError> {
-        let fingerprint = self.fingerprint().ok_or(StateError::NotConfigured)?;
-        let length = self.block_length();
+        // Those of the state that comes, if one does: it says more of itself when all of it is there.
+        let (mut length, mut fingerprint) = (self.block_length(), self.fingerprint().unwrap_or_default());
         walk.constant(u32::from_le_bytes(MAGIC)).map_err(|_| StateError::Form)?;
         walk.constant(STATE_VERSION).map_err(StateError::Version)?;
-        walk.constant(length).map_err(|_| StateError::Form)?;
-        walk.constant(fingerprint).map_err(|_| StateError::Configuration)?;
+        length.walk(walk);
+        fingerprint.walk(walk);
         self.walk(walk);
         if walk.is_flawed() { Err(StateError::Content) } else { Ok(()) }
     }
 }
 
-/// Whether the bytes are a whole saved state, of whatever version, configuration and content.
+/// Whether the bytes are a whole saved state of this version, of whatever content.
 ///
 /// # Errors
-/// [`StateError::Form`] or [`StateError::Checksum`].
+/// [`StateError::Form`], [`StateError::Checksum`] or [`StateError::Version`].
 fn examine(bytes: &[u8]) -> Result<(), StateError> {
     let (body, checksum) = bytes.split_last_chunk::<4>().ok_or(StateError::Form)?;
-    let (header, _) = body.split_first_chunk::<{ HEADER as usize }>().ok_or(StateError::Form)?;
-    let [m0, m1, m2, m3, _, _, _, _, l0, l1, l2, l3, ..] = *header;
-    if [m0, m1, m2, m3] != MAGIC || u32::from_le_bytes([l0, l1, l2, l3]) as usize != bytes.len() {
+    let Header { version, length, .. } = Header::of(body)?;
+    if length as usize != bytes.len() {
         return Err(StateError::Form);
     }
     if Checksum::default().with(body).value() != u32::from_le_bytes(*checksum) {
         return Err(StateError::Checksum);
     }
-    Ok(())
+    if version == STATE_VERSION { Ok(()) } else { Err(StateError::Version(version)) }
 }
 
-/// Which time the bytes of a saved state go by.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum StatePass {
-    /// The first: they are looked at, and nothing is changed.
-    #[default]
-    Check,
-    /// The second: they are brought back. From its first part to its last the module makes no step.
-    Restore,
+/// What a block says of itself.
+struct Header {
+    version: u32,
+    length: u32,
+    fingerprint: u32,
+}
+
+impl Header {
+    fn of(bytes: &[u8]) -> Result<Self, StateError> {
+        let header = bytes.first_chunk::<{ HEADER as usize }>().ok_or(StateError::Form)?;
+        let [m0, m1, m2, m3, v0, v1, v2, v3, l0, l1, l2, l3, f0, f1, f2, f3] = *header;
+        if [m0, m1, m2, m3] != MAGIC {
+            return Err(StateError::Form);
+        }
+        Ok(Self {
+            version: u32::from_le_bytes([v0, v1, v2, v3]),
+            length: u32::from_le_bytes([l0, l1, l2, l3]),
+            fingerprint: u32::from_le_bytes([f0, f1, f2, f3]),
+        })
+    }
 }
 
 /// Brings a state back in parts, in a few bytes of memory.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct StateLoader {
-    pass: StatePass,
+    /// Length of the block, by its header.
+    length: u32,
     /// Where the next part begins.
     next: u32,
-    /// Of the parts of this pass so far.
+    /// Of the parts so far.
     checksum: Checksum,
-    /// Checksum of the state that was looked at from beginning to end and found good.
-    good: Option<u32>,
 }
 
 impl StateLoader {
     /// A loader that has heard nothing yet.
     pub const fn new() -> Self {
-        Self { pass: StatePass::Check, next: 0, checksum: Checksum::EMPTY, good: None }
+        Self { length: 0, next: 0, checksum: Checksum::EMPTY }
     }
 
     /// Takes a part of the state that begins at `begin`; where the next one begins. That may be before the end of this part:
-    /// a value that is not whole is not taken. At the length of the block the pass is complete, and after the second one the
-    /// module goes on from the state. A part that begins at zero begins a pass.
+    /// a value that is not whole is not taken. A part that begins at zero begins anew, and holds the header at least, sixteen
+    /// bytes. From it to the last part the module makes no step; at the length of the block it goes on from the state.
     ///
     /// # Errors
-    /// Why this is not a state of this module. In the first pass the module goes on as it was. In the second, which the first
-    /// has made sure of, an error means that other bytes came than the first time: the module makes no step until a state has
-    /// come whole, or a configuration.
-    pub fn take(
-        &mut self,
-        module: &mut FlightModule,
-        pass: StatePass,
-        begin: u32,
-        bytes: &[u8],
-    ) -> Result<u32, StateError> {
-        let result = self.take_part(module, pass, begin, bytes);
-        if result.is_err_and(|error| !matches!(error, StateError::Place { .. })) {
-            *self = Self::default();
+    /// Why this is not a state. A part that is out of its turn, and a first one without the header of a state of this version
+    /// and configuration, change nothing. After any other error the module waits for a configuration or a state, as in the beginning.
+    pub fn take(&mut self, module: &mut FlightModule, begin: u32, bytes: &[u8]) -> Result<u32, StateError> {
+        if begin == 0 {
+            let Header { version, length, fingerprint } = Header::of(bytes)?;
+            if version != STATE_VERSION {
+                return Err(StateError::Version(version));
+            }
+            if module.fingerprint().is_some_and(|own| own != fingerprint) {
+                return Err(StateError::Configuration);
+            }
+            *self = Self { length, ..Self::new() };
+            module.begin_loading();
+        } else if !module.is_loading() {
+            return Err(StateError::Place { next: 0 });
+        } else if begin != self.next {
+            return Err(StateError::Place { next: self.next });
+        }
+        let result = self.take_part(module, begin, bytes);
+        if result.is_err() {
+            module.forget();
         }
         result
     }
 
-    fn take_part(
-        &mut self,
-        module: &mut FlightModule,
-        pass: StatePass,
-        begin: u32,
-        bytes: &[u8],
-    ) -> Result<u32, StateError> {
-        module.fingerprint().ok_or(StateError::NotConfigured)?;
-        if begin == 0 {
-            let good = self.good.filter(|_| pass == StatePass::Restore);
-            *self = Self { pass, good, ..Self::default() };
-        }
-        if pass != self.pass || begin != self.next {
-            return Err(StateError::Place { next: if pass == self.pass { self.next } else { 0 } });
-        }
-        let mut walk = match pass {
-            StatePass::Check => Walk::check(begin, bytes, self.checksum),
-            StatePass::Restore => {
-                self.good.ok_or(StateError::NotChecked)?;
-                module.set_incomplete(true);
-                Walk::restore(begin, bytes, self.checksum)
-            }
-        };
+    fn take_part(&mut self, module: &mut FlightModule, begin: u32, bytes: &[u8]) -> Result<u32, StateError> {
+        let mut walk = Walk::restore(begin, bytes, self.checksum);
         module.walk_block(&mut walk)?;
-        let (served, checksum) = (walk.served(), walk.checksum());
-        self.next = begin + served;
-        self.checksum = checksum;
-        let complete = self.next == module.block_length();
-        if complete && served as usize != bytes.len() {
-            return Err(StateError::Form);
-        }
-        if complete && pass == StatePass::Check {
-            self.good = Some(checksum.value());
-        } else if complete {
-            if self.good != Some(checksum.value()) {
-                return Err(StateError::Checksum);
+        self.next = begin + walk.served();
+        self.checksum = walk.checksum();
+        if self.next == module.block_length() {
+            if self.next != self.length || walk.served() as usize != bytes.len() {
+                return Err(StateError::Form);
             }
-            self.good = None;
-            module.set_incomplete(false);
+            module.end_loading();
         }
         Ok(self.next)
     }

@@ -50,4 +50,4 @@ impl Thermometer {
     }
 }
 
-saved!([] Thermometer { estimator, heard_ms; fixed on });
+saved!([] Thermometer { estimator, heard_ms, on });

@@ -1,6 +1,6 @@
 //! The velocity channel: the error filter, the identification of the noise that it flies with, and what is known of the
 //! sensor errors in the Schuler loop.
-use super::config::ModuleConfig;
+use super::config::StepConfig;
 use super::output::Status;
 use super::time::Passage;
 use crate::compensation::LoopResponse;
@@ -33,12 +33,7 @@ impl Identifier {
     pub(super) fn start(&mut self, filter: &FilterConfig<f32>, config: &IdentificationConfig) {
         // Zeros written where they are to be. Any other value would be made on the stack first, for which it is too large,
         // unless nothing of it is left by the start.
-        match (config.method, &*self) {
-            (Method::Off, _) => *self = Self::Off,
-            (Method::Published, Self::Published(_)) | (Method::Likelihood, Self::Likelihood(_)) => (),
-            (Method::Published, _) => *self = Self::Published(PublishedLoop::new()),
-            (Method::Likelihood, _) => *self = Self::IDLE,
-        }
+        self.become_of(config.method);
         match self {
             Self::Off => (),
             Self::Published(published) => published.start(filter, config),
@@ -47,6 +42,24 @@ impl Identifier {
     }
 
     /// Starts the likelihood identifier anew, whose window must not reach over a jump of the clock.
+    /// One of this method, with what is left of before if it was one already.
+    fn become_of(&mut self, method: Method) {
+        match (method, &*self) {
+            (Method::Off, _) => *self = Self::Off,
+            (Method::Published, Self::Published(_)) | (Method::Likelihood, Self::Likelihood(_)) => (),
+            (Method::Published, _) => *self = Self::Published(PublishedLoop::new()),
+            (Method::Likelihood, _) => *self = Self::IDLE,
+        }
+    }
+
+    fn method(&self) -> Method {
+        match self {
+            Self::Off => Method::Off,
+            Self::Published(_) => Method::Published,
+            Self::Likelihood(_) => Method::Likelihood,
+        }
+    }
+
     fn restart(&mut self, filter: &FilterConfig<f32>, config: &IdentificationConfig) {
         if let Self::Likelihood(likelihood) = self {
             likelihood.restart(filter, config);
@@ -94,7 +107,7 @@ impl VelocityChannel {
     pub(super) fn step(
         &mut self,
         identifier: &mut Identifier,
-        config: &ModuleConfig,
+        config: &StepConfig,
         passage: Passage,
         measured: Option<f32>,
         loop_errors: [f32; 2],
@@ -146,7 +159,7 @@ impl VelocityChannel {
     fn pass(
         &mut self,
         identifier: &mut Identifier,
-        config: &ModuleConfig,
+        config: &StepConfig,
         passage: Passage,
         measured: Option<f32>,
     ) {
@@ -171,7 +184,7 @@ impl VelocityChannel {
     fn identify(
         &mut self,
         identifier: &mut Identifier,
-        config: &ModuleConfig,
+        config: &StepConfig,
         usable: Option<f32>,
         status: &mut Status,
     ) -> (Option<AveragedEstimate>, [ChannelStatus; 2]) {
@@ -214,7 +227,7 @@ impl VelocityChannel {
 }
 
 /// The velocity error if it can be used, and in the status why not.
-pub(super) fn usable(reading: &Reading<f32>, config: &ModuleConfig, status: &mut Status) -> Option<f32> {
+pub(super) fn usable(reading: &Reading<f32>, config: &StepConfig, status: &mut Status) -> Option<f32> {
     let finite = reading.value.is_finite();
     let problem = match reading.quality {
         Quality::Missing => Status::VELOCITY_MISSING,
@@ -228,11 +241,13 @@ pub(super) fn usable(reading: &Reading<f32>, config: &ModuleConfig, status: &mut
     None
 }
 
-saved!([] VelocityChannel { filter, in_use, retunes, coloured, response; fixed });
+saved!([] VelocityChannel { filter, in_use, retunes, coloured, response });
 
-/// Which of them it is the configuration says.
 impl Saved for Identifier {
     fn walk(&mut self, walk: &mut Walk<'_>) {
+        let mut method = self.method();
+        method.walk(walk);
+        self.become_of(method);
         match self {
             Self::Off => {}
             Self::Published(published) => published.walk(walk),

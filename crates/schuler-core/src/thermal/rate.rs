@@ -417,7 +417,7 @@ saved_choice!(Quantiser { Rounding, Floor });
 saved!([F: Blank] TemperatureRateConfig<F> { quantum, quantiser, time_constant_s, window_s, hold_s, chatter_s });
 saved!([F: Blank] TemperatureRateOutput<F> { temperature, rate, temperature_sigma, rate_sigma, status });
 saved!([] TemperatureRateCounts { crossings, forced, held, rejected, restarts });
-saved!([F: Blank] TemperatureRate<F> { counts, clock_faults, started, window, running, last; fixed config });
+saved!([F: Blank] TemperatureRate<F> { counts, clock_faults, started, window, running, last, config });
 saved!([F: Blank] Running<F> {
     fit,
     last_ms,

@@ -145,7 +145,12 @@ pub fn count(
         );
     }
 
-    let host = Host { flying, endpoint, wire, sequence: 0, config };
+    flying.flight = Flight::new(true);
+    if flying.module.configure(&config).is_err() {
+        return;
+    }
+    endpoint.take_up(flying.module);
+    let host = Host { flying, endpoint, wire, sequence: 0 };
     meter.part("main loop: a frame with a step, its answer", STEPS, host, Host::prepare, Host::run);
 }
 
@@ -180,18 +185,12 @@ struct Host {
     endpoint: &'static mut Endpoint,
     wire: &'static mut Wire,
     sequence: u32,
-    config: ModuleConfig,
 }
 
 impl Host {
-    /// The next frame: a configuration at first, then steps.
+    /// The next frame.
     fn prepare(&mut self, random: &mut Random) {
-        let message = if self.sequence == 0 {
-            self.flying.flight = Flight::new(true);
-            HostMessage::Configure(self.config)
-        } else {
-            HostMessage::Step(self.flying.flight.next(random))
-        };
+        let message = HostMessage::Step(self.flying.flight.next(random));
         let _ = self.wire.encode(self.sequence, &message);
         self.sequence += 1;
     }
