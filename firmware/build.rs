@@ -2,7 +2,7 @@
 use std::env;
 use std::path::Path;
 
-/// Bytes of stack: the deepest way through the calls, and an eleventh of it besides (`docs/flight-budget.md`).
+/// Bytes of stack: the deepest way through the calls, and an eighth of it besides (`docs/flight-budget.md`).
 const STACK: u32 = 10_176;
 /// The counting image has more on its stack: what it counts, and how.
 const COUNTING_STACK: u32 = 24 * 1024;

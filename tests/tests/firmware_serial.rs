@@ -151,7 +151,7 @@ fn a_reset_by_command_is_told_from_power() {
     }
     let mut emulator = common::start(Transport::Uart);
     emulator.configure(&ModuleConfig::default()).unwrap();
-    emulator.send_bytes(&wire(50, &HostMessage::Reset)).unwrap();
+    emulator.send_bytes(&wire(1000, &HostMessage::Reset)).unwrap();
     match answer(&mut emulator, 0) {
         ModuleMessage::Banner(banner) => {
             assert_eq!((banner.start, banner.configured), (Start::Command, false));

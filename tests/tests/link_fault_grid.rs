@@ -260,7 +260,6 @@ impl Pair {
         let mut wire = Wire::new();
         let mut decoder = Decoder::new();
         let mut made = 0;
-        self.begin_flight();
         while made < frames {
             let mut bytes = Vec::new();
             let mut sent = HashSet::new();
@@ -367,6 +366,7 @@ fn grid(transport: Transport, frames: usize, seed: u64) -> (String, Count) {
     let (mut table, mut sum) = (String::new(), Count::default());
     for (k, (fault, name)) in FAULTS.into_iter().enumerate() {
         let mut row = Count::default();
+        pair.begin_flight();
         for (j, rate) in RATES.into_iter().enumerate() {
             row.add(&pair.run(fault, rate, frames, seed + 100 * k as u64 + 10 * j as u64));
         }

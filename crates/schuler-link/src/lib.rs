@@ -4,7 +4,7 @@
 //! | --- | --- |
 //! | [`frame`] | how a message becomes bytes on a wire and comes back: direction, version, number, postcard, CRC-32, COBS |
 //! | [`block`] | a compensation block as bytes: version, length, postcard, CRC-32 |
-//! | [`configuration`] | a configuration as bytes, for who keeps it himself |
+//! | [`configuration`] | a configuration as bytes, for who keeps it himself; the link carries states of configured modules |
 //! | [`message`] | what the two sides can say |
 //! | [`endpoint`] | the module's side of the conversation: each command carried out exactly once, pace, deadline, counters |
 //! | [`ring`] | a byte queue between an interrupt and the main loop |

@@ -141,6 +141,10 @@ fn cargo_build(root: &Path, target: &Path, image: Image) -> Result<PathBuf, Targ
     command.args(["build", "--package", "firmware", "--profile", "flight", "--target", TRIPLE]);
     command.args(["--features", image.features(), "--bin", image.binary()]);
     command.args(["--message-format", "json-render-diagnostics"]).arg("--target-dir").arg(target);
+    if image == Image::Count {
+        // The parts that it counts by themselves are compiled with it, where otherwise they are with the core.
+        command.args(["--config", "profile.flight.package.firmware.opt-level=2"]);
+    }
     // Flags for the host's build (coverage, sanitizers) have no place on the target.
     for flags in [
         "RUSTFLAGS",
