@@ -19,6 +19,11 @@ const INTERPOLATED: f64 = 3e-6;
 const SETTLED: f64 = 1e-9;
 /// Least size of the gains of a state, as a part of what they can be at most: what is smaller may be nothing but rounding.
 const LEAST_SIZE: f64 = 1e-3;
+/// Change of H P over the last doubling, as a part of its size, below which a covariance has settled: the next would change it by
+/// the square of that.
+const SETTLED_SEEN: f64 = 1e-12;
+/// Most doublings until then.
+const MOST_DOUBLINGS: usize = 60;
 /// Computed rows by which it is decided whether their distance can be doubled.
 const JUDGED: usize = 9;
 
@@ -58,8 +63,8 @@ pub fn course(
     rows: usize,
     mut measure: impl FnMut(&[f64], &mut Vec<f64>) -> Option<f64>,
 ) -> Option<Course> {
-    let units = units(space, covariance);
-    let mut doubled = vec![Steps::one(space, white, &units)?];
+    let units = space.units(covariance);
+    let mut doubled = vec![Steps::one(&space.in_units(&units), white)?];
     let from_before: Vec<f64> = covariance.iter().zip(&space.driven).map(|(p, q)| p - q).collect();
     let start = with_units(&from_before, &units, |value, unit| value / unit);
     let predicted = |scaled: &[f64]| -> Vec<f64> {
@@ -135,11 +140,33 @@ fn with_units(matrix: &[f64], units: &[f64], by: impl Fn(f64, f64) -> f64) -> Ve
     matrix.iter().enumerate().map(|(flat, &value)| by(by(value, units[flat / n]), units[flat % n])).collect()
 }
 
-/// The spread of each state.
-fn units(space: &Space, covariance: &[f64]) -> Vec<f64> {
-    let n = space.states;
-    let spread = |i: usize| space.start[i * n + i].max(space.driven[i * n + i]).max(covariance[i * n + i]);
-    (0..n).map(|i| if spread(i) > 0.0 { spread(i).sqrt() } else { 1.0 }).collect()
+/// The predicted covariance at which a filter settles; `None` where it does not, or R + HQHᵀ is singular. States should
+/// be in units of their own spread.
+///
+/// Of M + Q, with M after 1, 2, 4, … rows from a state that is known. What the channels never see may grow on.
+pub fn settled(space: &Space, white: &[f64]) -> Option<DMatrix<f64>> {
+    let (n, m) = (space.states, space.channels);
+    let seen = DMatrix::from_row_slice(m, n, &space.seen);
+    let predicted =
+        |steps: &Steps| DMatrix::from_fn(n, n, |i, j| steps.driven[i * n + j] + space.driven[i * n + j]);
+    let mut steps = Steps::one(space, white)?;
+    let mut crossed = &seen * predicted(&steps);
+    for _ in 0..MOST_DOUBLINGS {
+        steps = steps.doubled()?;
+        let covariance = predicted(&steps);
+        let next = &seen * &covariance;
+        let variances = &next * seen.transpose();
+        let same = next.iter().zip(crossed.iter()).enumerate().all(|(place, (next, before))| {
+            let (c, i) = (place % m, place / m);
+            let size = (covariance[(i, i)] * (variances[(c, c)] + white[c * m + c])).sqrt();
+            (next - before).abs() <= SETTLED_SEEN * size
+        });
+        if same {
+            return Some(covariance);
+        }
+        crossed = next;
+    }
+    None
 }
 
 /// What the errors of each gain are measured by. A gain of a state and a channel in units of their standard deviations, √P and √S,
@@ -226,11 +253,11 @@ struct Work {
 
 impl Steps {
     /// One step: a measurement and the transition after it.
-    fn one(space: &Space, white: &[f64], units: &[f64]) -> Option<Self> {
+    fn one(space: &Space, white: &[f64]) -> Option<Self> {
         let (n, m) = (space.states, space.channels);
-        let seen = DMatrix::from_fn(m, n, |c, i| space.seen[c * n + i] * units[i]);
-        let driven = DMatrix::from_fn(n, n, |i, j| space.driven[i * n + j] / units[i] / units[j]);
-        let transition = DMatrix::from_fn(n, n, |i, j| space.transition[i * n + j] * units[j] / units[i]);
+        let seen = DMatrix::from_row_slice(m, n, &space.seen);
+        let driven = DMatrix::from_row_slice(n, n, &space.driven);
+        let transition = DMatrix::from_row_slice(n, n, &space.transition);
         let crossed = &driven * seen.transpose();
         let noise = DMatrix::from_row_slice(m, m, white) + &seen * &crossed;
         // Its inverse only where it is far from singular.
@@ -298,7 +325,7 @@ impl Steps {
 }
 
 /// The symmetric part.
-fn halves(matrix: &DMatrix<f64>) -> DMatrix<f64> {
+pub fn halves(matrix: &DMatrix<f64>) -> DMatrix<f64> {
     0.5 * (matrix + matrix.transpose())
 }
 
@@ -357,14 +384,14 @@ fn eliminate(a: &mut [f64], b: &mut [f64], n: usize) -> Option<()> {
 }
 
 #[cfg(test)]
-mod tests {
+pub mod tests {
     use crate::noise::{Flicker, Noise};
     use crate::whiten::Filter;
     use schuler_recording::case::{ExponentialCosine, Markov};
 
     use super::*;
 
-    fn space_of(noise: &Noise) -> Space {
+    pub fn space_of(noise: &Noise) -> Space {
         let groups = noise.states(1.0).groups;
         let n = groups.iter().map(|group| group.size).sum();
         let mut space = Space {
@@ -392,12 +419,11 @@ mod tests {
         space
     }
 
-    /// Over noises that settle at once, slowly and never, with an oscillation, in units far from 1.
-    #[test]
-    fn interpolated_gains_are_those_of_every_row() {
+    /// Noises that settle at once, slowly and never, with an oscillation, in units far from 1.
+    pub fn noises() -> [Noise; 12] {
         let markov = |sigma: f64, tau_s: f64| Markov { sigma, tau_s };
         let white = Noise { white: 1e-7, ..Noise::default() };
-        let noises = [
+        [
             Noise { markov: vec![markov(3e-9, 2e4)], ..white.clone() },
             Noise { markov: vec![markov(2e-7, 30.0), markov(1e-8, 3e3)], ..white.clone() },
             Noise { random_walk: 1e-11, ..white.clone() },
@@ -425,10 +451,14 @@ mod tests {
                 markov: vec![markov(0.3, 111.0)],
                 ..Noise::default()
             },
-        ];
+        ]
+    }
+
+    #[test]
+    fn interpolated_gains_are_those_of_every_row() {
         let rows = 30_000;
         let column: Vec<f64> = (0..rows).map(|row| 1e-7 * (row as f64 * 0.37).sin() + 1e-8).collect();
-        for noise in noises {
+        for noise in noises() {
             let space = space_of(&noise);
             let present = vec![true; rows];
             let fast = Filter::new(&space, &present).unwrap();

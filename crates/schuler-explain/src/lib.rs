@@ -45,6 +45,7 @@
 pub mod arrays;
 pub mod calibration;
 pub mod catalogue;
+mod constant_gain;
 mod course;
 pub mod deploy;
 pub mod description;
@@ -74,5 +75,6 @@ pub mod sentence;
 pub mod spectrum;
 pub mod state;
 pub mod statistics;
+pub mod steady;
 pub mod watch;
 pub mod whiten;

@@ -7,6 +7,8 @@ use crate::minimise::{IMPOSSIBLE, simplex};
 use crate::noise::{Knob, Noise};
 use crate::nominal::Block;
 use crate::spectrum::{OneSource, Spectrum};
+use crate::steady::Steady;
+use crate::whiten::Filter;
 
 /// Side of the first simplex, in logarithms.
 const SIDE: f64 = 0.7;
@@ -77,8 +79,16 @@ pub fn exact(block: &Block, noises: &[Noise], projected: &Projected) -> f64 {
 /// The same, and the amplitudes.
 fn exact_with_amplitudes(block: &Block, noises: &[Noise], projected: &Projected) -> (f64, DVector<f64>) {
     let nothing = || (f64::NEG_INFINITY, DVector::zeros(projected.columns.len()));
-    let Some(filter) = block.filter(noises) else { return nothing() };
-    let sums = Sums::new(&filter, projected);
+    let space = block.space(noises);
+    let columns: Vec<&[f64]> =
+        std::iter::once(&projected.data).chain(&projected.columns).map(Vec::as_slice).collect();
+    let sums = match Steady::new(&space, &block.present) {
+        Some(steady) => steady.sums(&columns),
+        None => match Filter::new(&space, &block.present) {
+            Some(filter) => Sums::of_whitened(&filter, &filter.whiten(&columns)),
+            None => return nothing(),
+        },
+    };
     let solution = sums.solution();
     let best = sums.log_likelihood + solution.gain;
     if best.is_finite() { (best, solution.amplitudes) } else { nothing() }

@@ -8,6 +8,8 @@
 //! Columns of several channels stand channel after channel. There is no limit to states or channels; of one channel and
 //! few states the code is of fixed sizes.
 
+use std::ops::Range;
+
 use crate::course::{Course, course};
 
 /// Columns that run together where there are few, and where there are many.
@@ -50,6 +52,33 @@ pub struct Space {
     pub white: Vec<f64>,
     /// Row from which on the white noise has another covariance.
     pub white_from: Option<(usize, Vec<f64>)>,
+}
+
+impl Space {
+    /// The spread of each state, that of a `covariance` included.
+    pub fn units(&self, covariance: &[f64]) -> Vec<f64> {
+        let n = self.states;
+        let spread = |i: usize| self.start[i * n + i].max(self.driven[i * n + i]).max(covariance[i * n + i]);
+        (0..n).map(|i| if spread(i) > 0.0 { spread(i).sqrt() } else { 1.0 }).collect()
+    }
+
+    /// The same model with its states in other units.
+    #[must_use]
+    pub fn in_units(&self, units: &[f64]) -> Self {
+        let n = self.states;
+        let scaled = |matrix: &[f64], by: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
+            matrix.iter().enumerate().map(|(flat, value)| value * by(flat / n, flat % n)).collect()
+        };
+        let inverse: Vec<f64> = units.iter().map(|unit| unit.recip()).collect();
+        let covariance = |i: usize, j: usize| inverse[i] * inverse[j];
+        Self {
+            transition: scaled(&self.transition, &|i, j| inverse[i] * units[j]),
+            driven: scaled(&self.driven, &covariance),
+            start: scaled(&self.start, &covariance),
+            seen: scaled(&self.seen, &|_, i| units[i]),
+            ..self.clone()
+        }
+    }
 }
 
 /// Gains of every row.
@@ -111,6 +140,16 @@ impl Filter {
         }
     }
 
+    /// Number of states.
+    pub fn states(&self) -> usize {
+        self.states
+    }
+
+    /// Number of values that its gains are.
+    pub fn values(&self) -> usize {
+        self.gains.len()
+    }
+
     /// Number of rows.
     pub fn rows(&self) -> usize {
         self.index.len()
@@ -138,43 +177,56 @@ impl Filter {
         whitened
     }
 
+    /// The filter of several gains K and matrices W, by rows; `index` tells which a row has, `None` where it is missing.
+    pub fn of_gains(
+        space: &Space,
+        gains: &[(Vec<f64>, Vec<f64>)],
+        index: &[Option<u8>],
+        log_variances: f64,
+    ) -> Self {
+        Self {
+            states: space.states,
+            channels: space.channels,
+            transition: nonzero(space),
+            seen: space.seen.clone(),
+            gains: gains.iter().flat_map(|(gain, whitening)| gain.iter().chain(whitening)).copied().collect(),
+            index: index.iter().map(|index| index.map_or(MISSING, u32::from)).collect(),
+            log_variances,
+            count: index.iter().flatten().count() * space.channels,
+        }
+    }
+
     /// Tᵀ of whitened innovations: with those of a record, q = R⁻¹y. 0 in rows that are missing.
     pub fn adjoint(&self, whitened: &[f64]) -> Vec<f64> {
-        let (rows, n, m) = (self.rows(), self.states, self.channels);
-        let stride = n * m + m * m;
-        let mut scores = vec![0.0; m * rows];
-        let mut costate = vec![0.0; n];
-        let mut turned = vec![0.0; n];
-        let mut innovation = vec![0.0; m];
-        for (row, &index) in self.index.iter().enumerate().rev() {
-            turned.fill(0.0);
-            for (costate, from) in costate.iter().zip(&self.transition) {
-                for &(j, weight) in from {
-                    turned[j] += weight * costate;
-                }
+        let rows = self.rows();
+        let mut scores = vec![0.0; self.channels * rows];
+        let mut costate = vec![0.0; self.states];
+        self.backwards(whitened, 0..rows, &mut costate, |row, innovation| {
+            for (c, innovation) in innovation.iter().enumerate() {
+                scores[c * rows + row] = *innovation;
             }
-            costate.copy_from_slice(&turned);
-            if index != MISSING {
-                let (gain, whitening) = self.gains[index as usize * stride..][..stride].split_at(n * m);
-                innovation.fill(0.0);
-                for (gain, turned) in gain.chunks_exact(m).zip(&turned) {
-                    innovation.iter_mut().zip(gain).for_each(|(sum, gain)| *sum += gain * turned);
-                }
-                for (d, weights) in whitening.chunks_exact(m).enumerate() {
-                    let value = whitened[d * rows + row];
-                    innovation.iter_mut().zip(weights).take(d + 1).for_each(|(sum, w)| *sum += w * value);
-                }
-                for (c, innovation) in innovation.iter().enumerate() {
-                    scores[c * rows + row] = *innovation;
-                    let seen = &self.seen[c * n..(c + 1) * n];
-                    costate.iter_mut().zip(seen).for_each(|(value, seen)| *value -= seen * innovation);
-                }
-            }
-            if row % FLUSH_ROWS == 0 {
-                costate.iter_mut().filter(|value| value.abs() < FLUSH).for_each(|value| *value = 0.0);
-            }
-        }
+        });
         scores
+    }
+
+    /// Takes the derivative of half the sum of squares of whitened innovations by the state from the end of some rows to
+    /// their beginning; `visit` is told what it is by the values of each row that is present.
+    pub fn backwards(
+        &self,
+        whitened: &[f64],
+        over: Range<usize>,
+        costate: &mut [f64],
+        visit: impl FnMut(usize, &[f64]),
+    ) {
+        match (self.channels, self.states) {
+            (1, 0 | 1) => backwards_few::<1>(self, whitened, over, costate, visit),
+            (1, 2) => backwards_few::<2>(self, whitened, over, costate, visit),
+            (1, 3) => backwards_few::<3>(self, whitened, over, costate, visit),
+            (1, 4) => backwards_few::<4>(self, whitened, over, costate, visit),
+            (1, 5 | 6) => backwards_few::<6>(self, whitened, over, costate, visit),
+            (1, 7 | 8) => backwards_few::<8>(self, whitened, over, costate, visit),
+            _ => backwards_many(self, whitened, over, costate, visit),
+        }
     }
 
     /// What a state predicts for the channels.
@@ -243,15 +295,9 @@ fn run_few<T: Rounded, const L: usize, const N: usize>(
 ) {
     let Some(first) = columns.first() else { return };
     let inputs: [&[f64]; L] = std::array::from_fn(|lane| *columns.get(lane).unwrap_or(first));
-    let mut transition: Square<N> = [[0.0; N]; N];
-    for (row, from) in transition.iter_mut().zip(&filter.transition) {
-        for &(j, weight) in from {
-            row[j] = weight;
-        }
-    }
+    let transition = Transition::<N>::new(&filter.transition);
     let n = filter.states;
     let seen: [f64; N] = std::array::from_fn(|i| filter.seen.get(i).copied().unwrap_or_default());
-    let diagonal = (0..N).all(|i| (0..N).all(|j| i == j || transition[i][j] == 0.0));
     let gain_of = |index: u32| &filter.gains[index as usize * (n + 1)..][..=n];
     let mut state = [[0.0; L]; N];
     let mut row = 0;
@@ -262,10 +308,17 @@ fn run_few<T: Rounded, const L: usize, const N: usize>(
         if index != MISSING && N <= FEW_STATES && stretch.len() >= SETTLED_ROWS {
             // x ← (Φ − Φ K H) x + Φ K y: a row waits for the one before in a single product and sum.
             let gain = gain_of(index);
-            let driven: [f64; N] =
-                std::array::from_fn(|i| (0..N.min(n)).map(|j| transition[i][j] * gain[j]).sum());
-            let closed: Square<N> =
-                std::array::from_fn(|i| std::array::from_fn(|j| transition[i][j] - driven[i] * seen[j]));
+            let driven: [f64; N] = transition
+                .apply(&std::array::from_fn(|i| [if i < n { gain[i] } else { 0.0 }]))
+                .map(|[value]| value);
+            let mut closed: Square<N> =
+                std::array::from_fn(|i| std::array::from_fn(|j| -driven[i] * seen[j]));
+            for i in 0..N {
+                closed[i][i] += transition.diagonal[i];
+            }
+            for &(i, j, weight) in &transition.beside {
+                closed[i][j] += weight;
+            }
             for row in rows {
                 let input: [f64; L] = std::array::from_fn(|lane| inputs[lane][row]);
                 let mut innovation = input;
@@ -294,12 +347,15 @@ fn run_few<T: Rounded, const L: usize, const N: usize>(
         for row in rows {
             if index != MISSING {
                 let gain = gain_of(index);
-                let mut innovation: [f64; L] = std::array::from_fn(|lane| inputs[lane][row]);
-                for (seen, state) in seen.iter().zip(&state) {
+                // Of halves that do not wait for each other.
+                let mut predicted = [[0.0; L]; 2];
+                for (i, (seen, state)) in seen.iter().zip(&state).enumerate() {
                     for lane in 0..L {
-                        innovation[lane] -= seen * state[lane];
+                        predicted[i % 2][lane] += seen * state[lane];
                     }
                 }
+                let innovation: [f64; L] =
+                    std::array::from_fn(|lane| inputs[lane][row] - (predicted[0][lane] + predicted[1][lane]));
                 for (gain, state) in gain.iter().take(n).zip(&mut state) {
                     for lane in 0..L {
                         state[lane] += gain * innovation[lane];
@@ -309,25 +365,7 @@ fn run_few<T: Rounded, const L: usize, const N: usize>(
                     column[row] = T::rounded(gain[n] * value);
                 }
             }
-            if diagonal {
-                for i in 0..N {
-                    for lane in 0..L {
-                        state[i][lane] *= transition[i][i];
-                    }
-                }
-            } else {
-                let before = state;
-                for i in 0..N {
-                    let mut sum = [0.0; L];
-                    for j in 0..N {
-                        let weight = transition[i][j];
-                        for lane in 0..L {
-                            sum[lane] += weight * before[j][lane];
-                        }
-                    }
-                    state[i] = sum;
-                }
-            }
+            state = transition.apply(&state);
             if row % FLUSH_ROWS == 0 {
                 flush(&mut state);
             }
@@ -395,6 +433,133 @@ fn run_many<T: Rounded, const L: usize>(filter: &Filter, columns: &[&[f64]], whi
         }
         flush(&mut state);
     }
+}
+
+/// [`Filter::backwards`] of one channel and few states.
+fn backwards_few<const N: usize>(
+    filter: &Filter,
+    whitened: &[f64],
+    over: Range<usize>,
+    costate: &mut [f64],
+    mut visit: impl FnMut(usize, &[f64]),
+) {
+    let n = filter.states;
+    let transition = Transition::<N>::new(&filter.transition);
+    let seen: [f64; N] = std::array::from_fn(|i| filter.seen.get(i).copied().unwrap_or_default());
+    let mut state: [f64; N] = std::array::from_fn(|i| costate.get(i).copied().unwrap_or_default());
+    for row in over.rev() {
+        state = transition.turn(&state);
+        let index = filter.index[row];
+        if index != MISSING {
+            let gain = &filter.gains[index as usize * (n + 1)..][..=n];
+            let mut terms = [0.0; N];
+            for ((term, gain), state) in terms.iter_mut().zip(&gain[..n]).zip(&state) {
+                *term = gain * state;
+            }
+            let innovation = gain[n] * whitened[row] + sum(terms);
+            visit(row, &[innovation]);
+            for i in 0..N {
+                state[i] -= seen[i] * innovation;
+            }
+        }
+        if row % FLUSH_ROWS == 0 {
+            state.iter_mut().filter(|value| value.abs() < FLUSH).for_each(|value| *value = 0.0);
+        }
+    }
+    costate.iter_mut().zip(state).for_each(|(costate, state)| *costate = state);
+}
+
+/// [`Filter::backwards`] of any size.
+fn backwards_many(
+    filter: &Filter,
+    whitened: &[f64],
+    over: Range<usize>,
+    costate: &mut [f64],
+    mut visit: impl FnMut(usize, &[f64]),
+) {
+    let (rows, n, m) = (filter.rows(), filter.states, filter.channels);
+    let stride = n * m + m * m;
+    let mut turned = vec![0.0; n];
+    let mut innovation = vec![0.0; m];
+    for row in over.rev() {
+        turned.fill(0.0);
+        for (costate, from) in costate.iter().zip(&filter.transition) {
+            for &(j, weight) in from {
+                turned[j] += weight * costate;
+            }
+        }
+        costate.copy_from_slice(&turned);
+        let index = filter.index[row];
+        if index != MISSING {
+            let (gain, whitening) = filter.gains[index as usize * stride..][..stride].split_at(n * m);
+            innovation.fill(0.0);
+            for (gain, turned) in gain.chunks_exact(m).zip(&turned) {
+                innovation.iter_mut().zip(gain).for_each(|(sum, gain)| *sum += gain * turned);
+            }
+            for (d, weights) in whitening.chunks_exact(m).enumerate() {
+                let value = whitened[d * rows + row];
+                innovation.iter_mut().zip(weights).take(d + 1).for_each(|(sum, w)| *sum += w * value);
+            }
+            visit(row, &innovation);
+            for (c, innovation) in innovation.iter().enumerate() {
+                let seen = &filter.seen[c * n..(c + 1) * n];
+                costate.iter_mut().zip(seen).for_each(|(value, seen)| *value -= seen * innovation);
+            }
+        }
+        if row % FLUSH_ROWS == 0 {
+            costate.iter_mut().filter(|value| value.abs() < FLUSH).for_each(|value| *value = 0.0);
+        }
+    }
+}
+
+/// Φ of few states: its diagonal, and what is not zero beside it. Most states are first-order processes.
+#[derive(Clone)]
+struct Transition<const N: usize> {
+    diagonal: [f64; N],
+    beside: Vec<(usize, usize, f64)>,
+}
+
+impl<const N: usize> Transition<N> {
+    /// From what is not zero, by rows.
+    fn new(rows: &[Vec<(usize, f64)>]) -> Self {
+        let mut transition = Self { diagonal: [0.0; N], beside: Vec::new() };
+        for (i, row) in rows.iter().enumerate().take(N) {
+            for &(j, weight) in row {
+                if i == j {
+                    transition.diagonal[i] = weight;
+                } else {
+                    transition.beside.push((i, j, weight));
+                }
+            }
+        }
+        transition
+    }
+
+    /// Φ x.
+    fn apply<const L: usize>(&self, state: &[[f64; L]; N]) -> [[f64; L]; N] {
+        let mut next: [[f64; L]; N] = std::array::from_fn(|i| state[i].map(|value| self.diagonal[i] * value));
+        for &(i, j, weight) in &self.beside {
+            for lane in 0..L {
+                next[i][lane] += weight * state[j][lane];
+            }
+        }
+        next
+    }
+
+    /// Φᵀ x.
+    fn turn(&self, state: &[f64; N]) -> [f64; N] {
+        let mut next: [f64; N] = std::array::from_fn(|i| self.diagonal[i] * state[i]);
+        for &(i, j, weight) in &self.beside {
+            next[j] += weight * state[i];
+        }
+        next
+    }
+}
+
+/// The sum, of halves that do not wait for each other.
+fn sum<const N: usize>(values: [f64; N]) -> f64 {
+    let (first, second) = values.split_at(N / 2);
+    first.iter().sum::<f64>() + second.iter().sum::<f64>()
 }
 
 /// `sum` + Σ weight · value.
@@ -552,9 +717,7 @@ fn gains(
 /// One channel and few states.
 #[derive(Clone)]
 struct Few<const N: usize> {
-    /// Φ: its diagonal, and what is not zero beside it. Most states are first-order processes.
-    diagonal: [f64; N],
-    beside: Vec<(usize, usize, f64)>,
+    transition: Transition<N>,
     driven: Square<N>,
     seen: [f64; N],
     /// Before and after the change.
@@ -568,14 +731,8 @@ struct Few<const N: usize> {
 fn gains_of_few<const N: usize>(space: &Space, present: &[bool], long_rows: usize) -> Option<Filter> {
     let n = space.states.min(N);
     let white = space.white.first().copied()?;
-    let transition: Square<N> = square(&space.transition, n);
-    let places = (0..N).flat_map(|i| (0..N).map(move |j| (i, j)));
     let few = Few::<N> {
-        diagonal: std::array::from_fn(|i| transition[i][i]),
-        beside: places
-            .filter(|&(i, j)| i != j && transition[i][j] != 0.0)
-            .map(|(i, j)| (i, j, transition[i][j]))
-            .collect(),
+        transition: Transition::new(&nonzero(space)),
         driven: square(&space.driven, n),
         seen: std::array::from_fn(
             |i| if i < n { space.seen.get(i).copied().unwrap_or_default() } else { 0.0 },
@@ -619,18 +776,13 @@ impl<const N: usize> Covariance for Few<N> {
     fn propagate(&mut self) {
         let p = &self.covariance;
         // Φ P.
-        let mut half: Square<N> = std::array::from_fn(|i| p[i].map(|value| self.diagonal[i] * value));
-        for &(i, j, weight) in &self.beside {
-            for (half, value) in half[i].iter_mut().zip(&p[j]) {
-                *half += weight * value;
-            }
-        }
+        let half = self.transition.apply(p);
         let mut next = self.driven;
         for (next, half) in next.iter_mut().zip(&half) {
             for j in 0..N {
-                next[j] += half[j] * self.diagonal[j];
+                next[j] += half[j] * self.transition.diagonal[j];
             }
-            for &(i, j, weight) in &self.beside {
+            for &(i, j, weight) in &self.transition.beside {
                 next[i] += half[j] * weight;
             }
         }
