@@ -6,7 +6,7 @@ use crate::description::{Projected, Sums, take_off};
 use crate::minimise::{IMPOSSIBLE, simplex};
 use crate::noise::{Knob, Noise};
 use crate::nominal::Block;
-use crate::spectrum::{OneSource, Spectrum};
+use crate::spectrum::{MANY_CHANNELS, OneSource, Spectrum};
 use crate::steady::Steady;
 use crate::whiten::Filter;
 
@@ -172,11 +172,16 @@ pub fn polish(
     let alone = (knobs.first().filter(|first| knobs.iter().all(|knob| knob.0 == first.0)))
         .and_then(|&(source, _)| spectrum.one_source(block, noises, source));
     for _ in 0..NEWTON {
-        let cost = |logs: &[f64]| match &alone {
-            Some(one) => -one_source_likelihood(one, noises, knobs, logs),
-            None => -spectrum.log_likelihood(block, &with_logs(noises, knobs, logs)),
+        let by_differences = || {
+            curvature(&logs, STEP, |logs| match &alone {
+                Some(one) => -one_source_likelihood(one, noises, knobs, logs),
+                None => -spectrum.log_likelihood(block, &with_logs(noises, knobs, logs)),
+            })
         };
-        let mut information = curvature(&logs, STEP, cost);
+        let closed = (alone.is_none() && block.channels >= MANY_CHANNELS)
+            .then(|| spectrum.curvature(block, &with_logs(noises, knobs, &logs), knobs, STEP))
+            .flatten();
+        let mut information = closed.unwrap_or_else(by_differences);
         let size = logs.len();
         let mut gradient = DVector::zeros(size);
         let left = left_by(projected, &amplitudes);

@@ -3,13 +3,15 @@
 //! The periodogram is taken of innovations, which are nearly white, so that nothing leaks from strong frequencies into
 //! weak ones, and is then turned back through the filter's settled transfer function. Averaged over bands of a few per
 //! cent it makes a likelihood of a few hundred terms, whatever the length of the record.
-use nalgebra::{Complex, DMatrix, DVector};
+use nalgebra::{Complex, DMatrix, DVector, DVectorView};
 use realfft::RealFftPlanner;
 
-use crate::noise::Noise;
+use crate::noise::{Knob, Noise};
 use crate::nominal::Block;
 use crate::whiten::{Filter, Space};
 
+/// Channels from which on second derivatives are taken in closed form.
+pub const MANY_CHANNELS: usize = 3;
 /// Width of a band as a part of its frequency.
 const BAND: f64 = 0.04;
 
@@ -128,6 +130,71 @@ impl Spectrum {
         if sum.is_finite() { sum } else { f64::NEG_INFINITY }
     }
 
+    /// Second derivatives of minus Whittle's log-likelihood by the logarithms of `knobs`, each of a source, at `noises`.
+    ///
+    /// With M = Σ Pₛ tₛtₛᴴ, A = tₛᴴM⁻¹tᵣ and B = tₛᴴM⁻¹ŜM⁻¹tᵣ between the sources s and r of two parameters a band has
+    /// ∂ᵢ∂ⱼ(ln det M + tr M⁻¹Ŝ) = ∂ᵢP ∂ⱼP (2 Re AB* − |A|²) + ∂ᵢ∂ⱼP (A − B), the last for parameters of one source: differences
+    /// are taken of the powers of single sources, and no matrix is inverted for each pair of parameters. `None` where the noises
+    /// are singular.
+    pub fn curvature(
+        &self,
+        block: &Block,
+        noises: &[Noise],
+        knobs: &[(usize, Knob)],
+        step: f64,
+    ) -> Option<DMatrix<f64>> {
+        let size = knobs.len();
+        let moved = |moves: &[(usize, f64)]| {
+            let source = moves.first().map_or(0, |&(place, _)| knobs[place].0);
+            let mut noise = noises[source].clone();
+            for &(place, by) in moves {
+                let knob = knobs[place].1;
+                noise.set(knob, noise.get(knob) * by.exp());
+            }
+            noise
+        };
+        let single: Vec<[Noise; 2]> = (0..size).map(|i| [step, -step].map(|by| moved(&[(i, by)]))).collect();
+        let pairs = (0..size).flat_map(|i| (0..i).map(move |j| (i, j)));
+        let crossed: Vec<(usize, usize, [Noise; 4])> = pairs
+            .filter(|&(i, j)| knobs[i].0 == knobs[j].0)
+            .map(|(i, j)| {
+                let signs = [(step, step), (-step, -step), (step, -step), (-step, step)];
+                (i, j, signs.map(|(by_i, by_j)| moved(&[(i, by_i), (j, by_j)])))
+            })
+            .collect();
+        let places: Vec<usize> = (knobs.iter())
+            .map(|(source, _)| block.sources.iter().position(|own| own == source))
+            .collect::<Option<_>>()?;
+        let step_s = block.step_s();
+        let mut curvature = DMatrix::<f64>::zeros(size, size);
+        for band in &self.bands {
+            let power = |noise: &Noise| noise.spectrum(band.omega, step_s);
+            let enters = DMatrix::from_fn(block.channels, places.len(), |c, i| band.transfer[places[i]][c]);
+            let solved = self.model(block, band, noises).cholesky()?.solve(&enters);
+            let reach = enters.ad_mul(&solved);
+            let shown = solved.ad_mul(&(&band.estimate * &solved));
+            let left = |i: usize, j: usize| band.weight * (reach[(i, j)].re - shown[(i, j)].re);
+            let powers: Vec<[f64; 2]> =
+                single.iter().map(|both| [0, 1].map(|side| power(&both[side]))).collect();
+            let slope = |i: usize| (powers[i][0] - powers[i][1]) / (2.0 * step);
+            for i in 0..size {
+                for j in 0..=i {
+                    let (a, b) = (reach[(i, j)], shown[(i, j)]);
+                    let both = 2.0 * (a * b.conj()).re - a.norm_sqr();
+                    curvature[(i, j)] += band.weight * slope(i) * slope(j) * both;
+                }
+                let own = power(&noises[knobs[i].0]);
+                curvature[(i, i)] += left(i, i) * (powers[i][0] + powers[i][1] - 2.0 * own) / (step * step);
+            }
+            for (i, j, noises) in &crossed {
+                let [up, down, one, other] = [0, 1, 2, 3].map(|corner| power(&noises[corner]));
+                curvature[(*i, *j)] += left(*i, *j) * (up + down - one - other) / (4.0 * step * step);
+            }
+        }
+        curvature.fill_upper_triangle_with_lower_triangle();
+        curvature.iter().all(|value| value.is_finite()).then_some(curvature)
+    }
+
     /// The likelihood as it changes with the noise of `source` alone; `None` where the present noises are singular.
     pub fn one_source(&self, block: &Block, noises: &[Noise], source: usize) -> Option<OneSource> {
         let place = block.sources.iter().position(|&own| own == source)?;
@@ -155,9 +222,9 @@ impl Spectrum {
     fn model(&self, block: &Block, band: &Band, noises: &[Noise]) -> DMatrix<Complex<f64>> {
         let mut model = DMatrix::zeros(block.channels, block.channels);
         for (&source, transfer) in block.sources.iter().zip(&band.transfer) {
-            let enters = DVector::from_column_slice(transfer);
+            let enters = DVectorView::from_slice(transfer, block.channels);
             let power = Complex::from(noises[source].spectrum(band.omega, block.step_s()));
-            model += &enters * enters.adjoint() * power;
+            model.gerc(power, &enters, &enters, Complex::from(1.0));
         }
         model
     }

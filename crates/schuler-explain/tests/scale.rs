@@ -6,6 +6,10 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use schuler_explain::explain::{Error, Options, explain_watched};
+use schuler_explain::noise::Knob;
+use schuler_explain::noise_fit::{SourceKnob, curvature, logs_of, with_logs};
+use schuler_explain::nominal::Model;
+use schuler_explain::spectrum::Spectrum;
 use schuler_explain::watch::{Phase, Watch};
 use schuler_recording::Recording;
 use schuler_recording::case::{Markov, MotionKind, Nominal, SensorKind};
@@ -47,6 +51,25 @@ fn gyros(number: usize, rows: usize, drift: f64) -> Recording {
         })
         .collect();
     common::recording(MotionKind::Unknown, sensors)
+}
+
+/// Second derivatives in closed form are those by differences.
+#[test]
+fn whittles_likelihood_bends_as_differences_say() {
+    const STEP: f64 = 0.01;
+    let model = Model::new(&gyros(8, 3000, 0.0), &[]).unwrap();
+    let (block, noises) = (&model.blocks[0], model.nominal_noises());
+    let filter = block.filter(&noises).unwrap();
+    let whitened = filter.whiten(&[&block.data]).swap_remove(0);
+    let spectrum = Spectrum::new(block, &filter, &noises, &whitened);
+    let own = [Knob::White, Knob::MarkovSigma(0), Knob::MarkovTau(0)];
+    let knobs: Vec<SourceKnob> =
+        [0, 3].into_iter().flat_map(|source| own.map(|knob| (source, knob))).collect();
+    let closed = spectrum.curvature(block, &noises, &knobs, STEP).unwrap();
+    let differences = curvature(&logs_of(&noises, &knobs), STEP, |logs| {
+        -spectrum.log_likelihood(block, &with_logs(&noises, &knobs, logs))
+    });
+    assert!((&closed - &differences).amax() < 1e-3 * differences.amax(), "{closed} {differences}");
 }
 
 /// Counts what it is told, and ends the explanation in a phase.
