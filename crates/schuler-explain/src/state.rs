@@ -22,7 +22,7 @@ use crate::spectrum::Spectrum;
 use crate::watch::Watch;
 use crate::whiten::Filter;
 
-/// Values of whitened blocks that are kept beside those in use.
+/// Values of whitened blocks, the gains of their filters among them, that are kept beside those in use.
 const KEPT_VALUES: usize = 1 << 25;
 
 /// What is searched.
@@ -167,7 +167,7 @@ impl<'c> Case<'c> {
         kept.push_front((key, Arc::clone(&whitened)));
         let mut values = 0;
         kept.retain(|(_, whitened)| {
-            values += (2 * whitened.columns.len() + 1) * whitened.remainder.len();
+            values += (2 * whitened.columns.len() + 1) * whitened.remainder.len() + whitened.filter.values();
             values <= KEPT_VALUES
         });
         Some(whitened)
