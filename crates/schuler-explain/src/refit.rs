@@ -215,18 +215,20 @@ pub fn of_change(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter>
     };
     let free = state.free_in(case.model, index);
     let bench = Bench::new(case, &state.terms, &state.noises);
-    let logs = logs_of(&state.noises, &free);
     let sigmas = bench.blocks[index].as_ref().map(|whitened| {
-        let cost = |logs: &[f64]| {
-            let noises = with_logs(&state.noises, &free, logs);
-            -exact(&case.model.blocks[index], &noises, &whitened.projected)
-        };
-        let information = curvature(&logs, LOG_STEP, cost);
-        let eigen = information.symmetric_eigen();
-        let inverse = eigen.eigenvalues.map(|value| value.max(0.1).recip());
-        let covariance =
-            &eigen.eigenvectors * DMatrix::from_diagonal(&inverse) * eigen.eigenvectors.transpose();
-        DVector::from_fn(free.len(), |i, _| covariance[(i, i)].max(0.0).sqrt())
+        // The same for all changes of the block.
+        case.sigmas.get_or((bench.key(index), free.clone()), || {
+            let cost = |logs: &[f64]| {
+                let noises = with_logs(&state.noises, &free, logs);
+                -exact(&case.model.blocks[index], &noises, &whitened.projected)
+            };
+            let information = curvature(&logs_of(&state.noises, &free), LOG_STEP, cost);
+            let eigen = information.symmetric_eigen();
+            let inverse = eigen.eigenvalues.map(|value| value.max(0.1).recip());
+            let covariance =
+                &eigen.eigenvectors * DMatrix::from_diagonal(&inverse) * eigen.eigenvectors.transpose();
+            DVector::from_fn(free.len(), |i, _| covariance[(i, i)].max(0.0).sqrt())
+        })
     });
     let in_si = source.unit.in_si();
     let mut parameters: Vec<Parameter> = Vec::new();

@@ -43,6 +43,8 @@ pub struct Case<'c> {
     pub(crate) promised: Memo<(Key, usize, NoiseChange), Vec<PromisedStart>>,
     /// Changes of a source's noise that were fitted.
     pub(crate) changes: Memo<(Key, usize, NoiseChange), Option<ChangeFit>>,
+    /// Standard deviations of the logarithms of free noise parameters.
+    pub(crate) sigmas: Memo<(Key, Vec<SourceKnob>), DVector<f64>>,
     /// Histories of the jumps of a sensor.
     pub(crate) jumps: Memo<(Key, usize), Option<Decoded>>,
     /// Sums of squares and products of whitened signatures, which do not depend on what is described.
@@ -102,6 +104,7 @@ impl<'c> Case<'c> {
             fits: Memo::new(),
             promised: Memo::new(),
             changes: Memo::new(),
+            sigmas: Memo::new(),
             jumps: Memo::new(),
             products: Memo::new(),
         }
