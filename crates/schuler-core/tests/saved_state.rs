@@ -153,7 +153,8 @@ fn assert_goes_on(original: &FlightModule, flight: &Flight, config: &ModuleConfi
     let mut original = Box::new(*original);
     let mut flight = flight.clone();
     let bytes = save(&mut original);
-    let mut other = if flight.step % 2 == 0 { module(config) } else { Box::new(FlightModule::new()) };
+    let mut other =
+        if flight.step.is_multiple_of(2) { module(config) } else { Box::new(FlightModule::new()) };
     other.restore(&bytes).unwrap();
     assert_eq!(save(&mut other), bytes, "what comes back is what was saved");
     assert_eq!((other.steps(), other.last_time_ms()), (original.steps(), original.last_time_ms()));
