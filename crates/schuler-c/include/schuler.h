@@ -683,8 +683,9 @@ SchulerResult schuler_save(SchulerModule *module,
                            size_t capacity,
                            size_t *length);
 
-// Goes on from a saved state, as if it had never stopped: the same inputs give the same bits. The module must have been configured as
-// the one that was saved. A state that does not fit changes nothing.
+// Goes on from a saved state, as if it had never stopped: the same inputs give the same bits. What it was configured with is in the
+// state. A module that has been configured takes none of another configuration; one that has not takes any. A state that does not fit
+// changes nothing; but one that fits its checksum and says something that cannot be leaves a module without configuration.
 //
 // SCHULER_RESULT_FORM, _CHECKSUM, _VERSION, _CONTENT, _OTHER_CONFIGURATION: what is wrong with the state.
 //
