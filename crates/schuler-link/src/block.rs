@@ -6,7 +6,7 @@
 //! The checksum is that of the frames and covers everything before it; the length is that of the content. The checksum names
 //! the block: the module reports that of the block in force.
 use heapless::Vec;
-use schuler_core::compensation::{BLOCK_VERSION, Block, BlockHead, MAX_TERMS, Term};
+use schuler_core::compensation::{BLOCK_VERSION, Block, MAX_TERMS};
 use schuler_core::thermal::CompensationBlock;
 
 pub use crate::seal::BlockError;
@@ -45,47 +45,12 @@ pub fn decode(bytes: &[u8]) -> Result<(Block, u32), BlockError> {
     }
 }
 
-/// The block in these bytes, with its terms where they lie, and its checksum: for who has no memory for all of them. The values
-/// are yet to be checked by who flies them.
-///
-/// # Errors
-/// Why the bytes are not a block.
-#[inline(never)]
-pub fn read(bytes: &[u8]) -> Result<(BlockHead, Terms<'_>, u32), BlockError> {
-    let (content, checksum) = seal::open(MAGIC, BLOCK_VERSION, bytes)?;
-    let (head, rest) = postcard::take_from_bytes(content).map_err(|_| BlockError::Content)?;
-    let (left, rest) = postcard::take_from_bytes::<u32>(rest).map_err(|_| BlockError::Content)?;
-    let terms = Terms { rest, left };
-    let mut all = terms.clone();
-    let whole = all.by_ref().count() == left as usize && all.rest.is_empty() && left as usize <= MAX_TERMS;
-    if whole { Ok((head, terms, checksum)) } else { Err(BlockError::Content) }
-}
-
-/// The terms of a block, one after the other.
-#[derive(Clone, Debug)]
-pub struct Terms<'a> {
-    rest: &'a [u8],
-    left: u32,
-}
-
-impl Iterator for Terms<'_> {
-    type Item = Term;
-
-    #[inline(never)]
-    fn next(&mut self) -> Option<Term> {
-        self.left = self.left.checked_sub(1)?;
-        let (term, rest) = postcard::take_from_bytes(self.rest).ok()?;
-        self.rest = rest;
-        Some(term)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     extern crate std;
     use std::vec::Vec;
 
-    use schuler_core::compensation::{Calibration, Factor, Quantity, Target};
+    use schuler_core::compensation::{Calibration, Factor, Quantity, Target, Term};
 
     use super::*;
     use crate::frame::CRC;
@@ -115,9 +80,6 @@ mod tests {
             let (back, checksum) = decode(&bytes).unwrap();
             assert_eq!(back, block);
             assert_eq!(checksum.to_le_bytes(), bytes[bytes.len() - 4..]);
-            let (head, terms, same) = read(&bytes).unwrap();
-            assert_eq!((head, same), (block.head(), checksum));
-            assert!(terms.eq(block.terms.iter().copied()));
         }
     }
 
@@ -132,9 +94,8 @@ mod tests {
         assert_eq!(crc.to_le_bytes(), bytes[bytes.len() - 4..]);
     }
 
-    /// Of the block as a whole, and term by term.
-    fn refusals(bytes: &[u8]) -> [BlockError; 2] {
-        [decode(bytes).map(|_| ()).unwrap_err(), read(bytes).map(|_| ()).unwrap_err()]
+    fn refusal(bytes: &[u8]) -> BlockError {
+        decode(bytes).map(|_| ()).unwrap_err()
     }
 
     fn sealed(mut body: Vec<u8>) -> Vec<u8> {
@@ -151,17 +112,17 @@ mod tests {
             damaged[at] ^= 0x10;
             let expected =
                 if at < 4 || (6..8).contains(&at) { BlockError::Form } else { BlockError::Checksum };
-            assert_eq!(refusals(&damaged), [expected; 2], "byte {at}");
-            assert_eq!(refusals(&bytes[..at]), [BlockError::Form; 2], "cut at {at}");
+            assert_eq!(refusal(&damaged), expected, "byte {at}");
+            assert_eq!(refusal(&bytes[..at]), BlockError::Form, "cut at {at}");
         }
-        assert_eq!(refusals(&[&bytes[..], &[0]].concat()), [BlockError::Form; 2]);
+        assert_eq!(refusal(&[&bytes[..], &[0]].concat()), BlockError::Form);
         let body = &bytes[..bytes.len() - 4];
         let mut other = body.to_vec();
         other[4] = 77;
-        assert_eq!(refusals(&sealed(other)), [BlockError::Version(77); 2]);
+        assert_eq!(refusal(&sealed(other)), BlockError::Version(77));
         let mut nonsense = body.to_vec();
         nonsense[8] = 9;
-        assert_eq!(refusals(&sealed(nonsense)), [BlockError::Content; 2]);
+        assert_eq!(refusal(&sealed(nonsense)), BlockError::Content);
     }
 
     /// Sound bytes with a term too few, one too many, and part of one.
@@ -173,10 +134,10 @@ mod tests {
             sealed([&bytes[..6], &length, content].concat())
         };
         let content = &bytes[8..bytes.len() - 4];
-        assert!(read(&rebuilt(content)).is_ok());
+        assert!(decode(&rebuilt(content)).is_ok());
         for wrong in [&content[..content.len() - 1], &[content, &[0]].concat(), &content[..content.len() / 2]]
         {
-            assert_eq!(refusals(&rebuilt(wrong)), [BlockError::Content; 2]);
+            assert_eq!(refusal(&rebuilt(wrong)), BlockError::Content);
         }
     }
 }
