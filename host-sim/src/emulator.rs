@@ -130,10 +130,11 @@ pub trait Target {
     /// There is no configuration yet, or the target is out of reach.
     fn save(&mut self) -> Result<Vec<u8>, TargetError>;
 
-    /// Goes on from a saved state; what the target was and was doing is forgotten.
+    /// Goes on from a saved state; what the target was doing is forgotten. One that has been configured takes none of another
+    /// configuration.
     ///
     /// # Errors
-    /// The bytes are not a state, or the target is out of reach.
+    /// The bytes are not a state that it takes, or the target is out of reach.
     fn restore(&mut self, state: &[u8]) -> Result<(), TargetError>;
 
     /// One step.

@@ -116,8 +116,8 @@ impl FlightModule {
     /// configuration, unless it is told to [forget](Self::forget) its own; one that waits takes any.
     ///
     /// # Errors
-    /// Why the bytes are not a state. The module goes on as it was; but after [`StateError::Content`] it waits for a configuration
-    /// or another state, as in the beginning.
+    /// Why the bytes are not a state. The module goes on as it was; but after bytes that fit their checksum and say what cannot be
+    /// it waits for a configuration or another state, as in the beginning.
     pub fn restore(&mut self, bytes: &[u8]) -> Result<(), StateError> {
         examine(bytes)?;
         match StateLoader::new().take(self, 0, bytes) {
