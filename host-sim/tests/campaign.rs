@@ -76,6 +76,29 @@ fn an_effect_proportional_to_its_size_has_the_gain_that_was_asked_for() {
 }
 
 #[test]
+fn an_oracle_places_a_strong_onset_and_not_a_weak_one() {
+    let off = |effect: &str, kind: Kind, gain: f64| {
+        let rows = Group { gain_nats: [gain; 2], ..group(&[effect], &[kind]) };
+        let made = made(&rows, 7);
+        let it = &made.answer.effects[0];
+        let [from, _] = it.interval_s.expect("local in time");
+        (it.oracle_onset_s.expect("an onset") - from).abs() / (made.answer.rows as f64 * made.answer.step_s)
+    };
+    for (effect, kind) in [
+        ("bias_step", Kind::Bench),
+        ("bias_step", Kind::Channel),
+        ("bias_step", Kind::Block),
+        ("noise_variance_step", Kind::Bench),
+    ] {
+        let strong = off(effect, kind, 3000.0);
+        assert!(strong < 0.003, "{effect} in {kind:?}: {strong} of the record");
+    }
+    // What gains three nats could as well begin elsewhere.
+    let weak = off("bias_step", Kind::Bench, 3.0);
+    assert!(weak > 0.02, "{weak} of the record");
+}
+
+#[test]
 fn every_effect_can_be_concealed_in_each_of_its_settings() {
     let mut impossible = Vec::new();
     for entry in EFFECTS {

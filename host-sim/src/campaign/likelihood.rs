@@ -230,6 +230,12 @@ impl Loop {
 }
 
 impl Model {
+    /// The same where white noise is added from another time on.
+    #[must_use]
+    pub fn later(&self, onset_s: f64) -> Self {
+        Self { more_white: self.more_white.map(|(_, sigma)| (onset_s, sigma)), ..self.clone() }
+    }
+
     /// Whitens several series of one step grid with the gains of this model; the first decides what is missing.
     /// A value of another series that is missing where the first has one counts as zero.
     pub fn whiten(&self, time_s: &[f64], series: &[&[f64]]) -> Whitened {

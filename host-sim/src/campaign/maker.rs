@@ -58,6 +58,10 @@ const ALIKE_NATS: f64 = 6.0;
 /// Share of an effect's gain that nothing else which is concealed may take: where the record does not tell two effects apart, nobody
 /// can find both.
 const LEAST_OWN: f64 = 0.5;
+/// Onsets that the oracle tries over a record before it looks at every row …
+const ONSETS: usize = 400;
+/// … and so many at once.
+const ONSETS_AT_ONCE: usize = 32;
 /// A repeated reading tells at least this much, nats.
 const REPEATED_NATS: f64 = 1.0;
 
@@ -414,8 +418,15 @@ impl<'c> Bench<'c> {
         let described = effects
             .iter()
             .enumerate()
-            .map(|(j, it)| self.describe(it, &views, [realised[j], expected[j]], begin_s, &mut tolerated))
-            .collect::<Vec<_>>();
+            .map(|(j, it)| {
+                let onset_s = self.onset(it, &views, &noise)?.map(|time_s| time_s - begin_s);
+                let gains = [realised[j], expected[j]];
+                Ok(Effect {
+                    oracle_onset_s: onset_s,
+                    ..self.describe(it, &views, gains, begin_s, &mut tolerated)
+                })
+            })
+            .collect::<Result<Vec<_>, Interrupted>>()?;
         if draw.chance(group.inexact) {
             inexact(&mut simulated, &mut tolerated, draw);
         }
@@ -491,12 +502,95 @@ impl<'c> Bench<'c> {
             family: c.family,
             same,
             interval_s: c.interval_s.map(|interval| interval.map(|time_s| time_s - begin_s)),
+            oracle_onset_s: None,
             parameters,
             gain_nats,
             expected_gain_nats,
             form_error_nats,
             correlation_time_s: time,
         }
+    }
+
+    /// Where the likelihood of an effect that begins at some time is largest, its shape and the noise known, its size free; none
+    /// for one that acts all the time. `noise`: the outputs without any effect.
+    fn onset(&self, it: &Sized, views: &[View], noise: &Signals) -> Result<Option<f64>, Interrupted> {
+        let Some([from_s, _]) = it.concealed.interval_s else { return Ok(None) };
+        if it.concealed.effect == "output_stuck" {
+            // A value that is repeated shows itself.
+            return Ok(Some(from_s));
+        }
+        let step_s = self.setting.scenario.step_s;
+        let first_s = from_s - (from_s / step_s).floor() * step_s;
+        let gains_at: Box<dyn Fn(&[usize]) -> Vec<f64>> = if it.concealed.noise.is_some() {
+            let views: Vec<&View> = views.iter().filter(|view| view.has(&it.concealed.output)).collect();
+            let series: Vec<Vec<f64>> = views.iter().map(|view| view.of(noise, self.rows)).collect();
+            let likelihood = move |row: &usize| {
+                (views.iter().zip(&series))
+                    .map(|(view, series)| {
+                        let mut series = series.clone();
+                        centre(&mut series, view.relative);
+                        view.model.later(first_s + *row as f64 * step_s).log_likelihood(&self.time_s, &series)
+                    })
+                    .sum()
+            };
+            Box::new(move |rows| rows.iter().map(&likelihood).collect())
+        } else {
+            // The response does not depend on when it begins, so the earliest one, moved, is that to every later onset.
+            let mut earliest = self.with(&it.concealed, it.size);
+            let before = self.setting.scenario.faults.len();
+            earliest.faults.iter_mut().skip(before).for_each(|entry| entry.fault.onset_s = first_s);
+            let earliest = self.outputs(&self.run(&oracle::silent(&earliest))?);
+            let earliest = oracle::difference(&earliest, &self.base);
+            let told: Vec<(Vec<f64>, Vec<f64>)> = (views.iter())
+                .map(|view| {
+                    let mut told = view.of(noise, self.rows);
+                    told.iter_mut()
+                        .zip(view.of(&it.signals, self.rows))
+                        .for_each(|(sum, signal)| *sum += signal);
+                    (told, view.of(&earliest, self.rows))
+                })
+                .collect();
+            Box::new(move |rows| {
+                let mut sums = vec![[0.0; 2]; rows.len()];
+                for (view, (told, earliest)) in views.iter().zip(&told) {
+                    let moved: Vec<Vec<f64>> = (rows.iter())
+                        .map(|row| {
+                            std::iter::repeat_n(0.0, *row)
+                                .chain(earliest.iter().copied())
+                                .take(self.rows)
+                                .collect()
+                        })
+                        .collect();
+                    let series: Vec<&[f64]> =
+                        std::iter::once(told.as_slice()).chain(moved.iter().map(Vec::as_slice)).collect();
+                    let white = view.whiten(&self.time_s, &series);
+                    let Some((told, moved)) = white.split_first() else { continue };
+                    for ([cross, square], signal) in sums.iter_mut().zip(moved) {
+                        *cross += sum(told.iter().zip(signal).map(|(e, s)| e * s));
+                        *square += sum(signal.iter().map(|s| s * s));
+                    }
+                }
+                sums.iter()
+                    .map(|[cross, square]| if *square > 0.0 { 0.5 * cross * cross / square } else { 0.0 })
+                    .collect()
+            })
+        };
+        let best_of = |rows: Vec<usize>| -> Result<usize, Interrupted> {
+            let mut best = (f64::NEG_INFINITY, 0);
+            for some in rows.chunks(ONSETS_AT_ONCE) {
+                (self.check)()?;
+                let gains = gains_at(some);
+                best = some
+                    .iter()
+                    .zip(gains)
+                    .fold(best, |best, (row, gain)| if gain > best.0 { (gain, *row) } else { best });
+            }
+            Ok(best.1)
+        };
+        let stride = (self.rows / ONSETS).max(1);
+        let coarse = best_of((0..self.rows).step_by(stride).collect())?;
+        let best = best_of((coarse.saturating_sub(stride)..(coarse + stride).min(self.rows)).collect())?;
+        Ok(Some(first_s + best as f64 * step_s))
     }
 
     /// Slope of the exact signal over its cause by generalised least squares with a constant, SI units, and what is left, nats.

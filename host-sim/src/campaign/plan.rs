@@ -77,7 +77,7 @@ pub struct Bars {
     pub held_out: f64,
     /// Largest gain at which half of the effects are found, nats.
     pub half_nats: f64,
-    /// Least share of onsets within 2 % of the recording or three correlation times.
+    /// Least share of onsets within 2 % of the recording or three correlation times, of the oracle's share.
     pub onset: f64,
     /// Most time for 24 h at 1 Hz with six sensors, s; others in proportion to rows and sensors.
     pub time_s: f64,

@@ -44,7 +44,7 @@ fn row(figure: &Figure) -> [String; 6] {
         number(figure.value),
         format!("{} .. {}", number(figure.interval[0]), number(figure.interval[1])),
         figure.count.to_string(),
-        format!("{} {}", if figure.at_least { ">=" } else { "<=" }, figure.bar),
+        format!("{} {}", if figure.at_least { ">=" } else { "<=" }, (figure.bar * 1e3).round() / 1e3),
         standing(figure).to_owned(),
     ]
 }

@@ -74,6 +74,8 @@ pub struct EffectScore {
     pub parameters: Vec<ParameterScore>,
     /// Error of the onset and what is allowed, s.
     pub onset_s: Option<[f64; 2]>,
+    /// Error of the onset that the oracle finds, s.
+    pub oracle_onset_s: Option<f64>,
 }
 
 /// The score of a parameter.
@@ -188,6 +190,10 @@ fn missed(effect: &Effect) -> EffectScore {
         in_class_only: false,
         parameters: vec![],
         onset_s: None,
+        oracle_onset_s: effect
+            .interval_s
+            .zip(effect.oracle_onset_s)
+            .map(|([from, _], found)| (found - from).abs()),
     }
 }
 
