@@ -5,7 +5,8 @@ use schuler_core::module::ModuleConfig;
 
 use crate::source;
 
-/// Rounding of a correlation: how far below zero the least pivot of its factorisation may come out.
+/// Rounding of a correlation matrix: how far below zero its least eigenvalue may come out. (A pivot of its factor may come out
+/// further below, where those before it are all but singular: they divide what rounding has left.)
 const ROUNDING: [f64; 2] = [1e-5, 1e-12];
 
 /// Measurements, gaps and new noise, in single and double precision at once.
@@ -88,7 +89,7 @@ fn widened(state: &Gaussian<f32>) -> Gaussian<f64> {
     Gaussian { mean: state.mean.map(f64::from), covariance: state.covariance.map(f64::from) }
 }
 
-/// Finite means; the correlation matrix has a Cholesky factor, up to the rounding of its precision.
+/// Finite means; the correlation matrix has a Cholesky factor once the rounding of its precision is added to its diagonal.
 fn check(state: &Gaussian<f64>, rounding: f64) {
     assert!(state.mean.iter().chain(&state.covariance).all(|x| x.is_finite()), "{state:?}");
     let [vv, vd, va, vw, dd, da, dw, aa, aw, ww] = state.covariance;
@@ -102,8 +103,8 @@ fn check(state: &Gaussian<f64>, rounding: f64) {
             let sum: f64 = (0..column).map(|k| factor[row][k] * factor[column][k]).sum();
             let left = rows[row][column] / (sigma[row] * sigma[column]) - sum;
             factor[row][column] = if row == column {
-                assert!(left > -rounding, "pivot {row} is {left}: {state:?}");
-                left.max(rounding).sqrt()
+                assert!(left > -rounding, "an eigenvalue below {}: {state:?}", -rounding);
+                (left + rounding).sqrt()
             } else {
                 left / factor[column][column]
             };

@@ -7,7 +7,8 @@
 //!   that are equal than coincide elsewhere;
 //! - coarse: all readings on a lattice coarser than nominal and than the noise;
 //! - spikes: n readings that stand off from their neighbours on both sides: n C(N, n) Π 2Φ(−uᵢ), at the n that shows
-//!   most.
+//!   most. u is the distance from the median of the neighbours, as many of them as make it spread least: few where the output
+//!   wanders, many where its noise is white.
 use schuler_recording::Recording;
 use statrs::function::erf::erf;
 use statrs::function::gamma::ln_gamma;
@@ -39,10 +40,18 @@ const MOST_LEVELS: f64 = 1e5;
 const OFF_LATTICE: f64 = 1e-3;
 /// Standoff from which on a reading may be a spike, in standard deviations.
 const LEAST_STANDOFF: f64 = 4.5;
-/// Evidence below which readings that stand off are left as they are.
-const LEAST_SPIKES: f64 = 7.0;
-/// Readings on each side with which one is compared.
-const NEIGHBOURS: usize = 3;
+/// Evidence below which readings that stand off are left as they are: one sensor in five thousand shows as much by chance.
+const LEAST_SPIKES: f64 = 8.5;
+/// Readings on each side with which one may be compared.
+const NEIGHBOURS: [usize; 3] = [2, 4, 8];
+/// Part of its distance from the median of all neighbours by which a spike stands off from those of either side.
+const EITHER_SIDE: f64 = 0.5;
+/// Readings whose distances have one spread; where the noise grows, it is a larger one.
+const ONE_SPREAD: usize = 500;
+/// Standard deviation of a normal distribution over the median of its magnitudes.
+const PER_MEDIAN: f64 = 1.4826;
+/// Fewest readings among which spikes are sought.
+const FEWEST_WITH_SPIKES: usize = 30;
 /// Most spikes, as a part of the readings.
 const MOST_SPIKES: f64 = 0.02;
 
@@ -273,7 +282,7 @@ fn spikes(model: &Model, steps: &[f64], masked: &mut [Vec<bool>]) -> Vec<Fault> 
                 && block.sensors.iter().all(|&sensor| !masked[sensor].get(row).copied().unwrap_or(false))
         };
         let used: Vec<usize> = (0..rows).filter(|&row| visible(row)).collect();
-        if used.len() < 10 * NEIGHBOURS {
+        if used.len() < FEWEST_WITH_SPIKES {
             continue;
         }
         let floor = (block.sources.iter())
@@ -283,27 +292,15 @@ fn spikes(model: &Model, steps: &[f64], masked: &mut [Vec<bool>]) -> Vec<Fault> 
                 (noise.white_variance() + step * step / 4.0).sqrt()
             })
             .fold(f64::INFINITY, f64::min);
-        // Standoff from the medians of both sides, 0 where they disagree.
-        let mut standoffs = vec![vec![0.0; used.len()]; block.channels];
-        for (channel, standoffs) in standoffs.iter_mut().enumerate() {
-            let value = |place: usize| block.data[channel * rows + used[place]];
-            let mut spread: Vec<f64> = Vec::with_capacity(used.len());
-            for place in NEIGHBOURS..used.len() - NEIGHBOURS {
-                let before = median3([value(place - 3), value(place - 2), value(place - 1)]);
-                let after = median3([value(place + 1), value(place + 2), value(place + 3)]);
-                let (left, right) = (value(place) - before, value(place) - after);
-                spread.push(left.abs());
-                standoffs[place] =
-                    if left * right > 0.0 { left.abs().min(right.abs()) * left.signum() } else { 0.0 };
-            }
-            let middle = spread.len() / 2;
-            let median = *spread.select_nth_unstable_by(middle, f64::total_cmp).1;
-            // Readings that seldom move have no spread of their own.
-            let scale = (1.4826 * median).max(floor);
-            for standoff in standoffs.iter_mut() {
-                *standoff = if scale > 0.0 { *standoff / scale } else { 0.0 };
-            }
-        }
+        let standoffs: Vec<Vec<f64>> = (0..block.channels)
+            .map(|channel| {
+                let values: Vec<f64> = used.iter().map(|row| block.data[channel * rows + row]).collect();
+                // Readings that seldom move have no spread of their own.
+                let of = NEIGHBOURS.map(|neighbours| standoffs(&values, neighbours, floor));
+                let closest = of.into_iter().min_by(|(a, _), (b, _)| a.total_cmp(b));
+                closest.map(|(_, standoffs)| standoffs).unwrap_or_default()
+            })
+            .collect();
         let mut of_sensor: Vec<Vec<(usize, f64)>> = vec![Vec::new(); block.sensors.len()];
         for (place, &row) in used.iter().enumerate() {
             let vector: Vec<f64> = standoffs.iter().map(|channel| channel[place]).collect();
@@ -337,6 +334,36 @@ fn spikes(model: &Model, steps: &[f64], masked: &mut [Vec<bool>]) -> Vec<Fault> 
     found
 }
 
+/// Spread of the distances of readings from the median of so many neighbours on each side, and those distances, in standard
+/// deviations of at least `floor`; 0 where a reading does not stand off from both sides alike.
+fn standoffs(values: &[f64], neighbours: usize, floor: f64) -> (f64, Vec<f64>) {
+    let mut of_both = vec![0.0; 2 * neighbours];
+    let mut distances = vec![0.0; values.len()];
+    let mut alike = vec![false; values.len()];
+    for place in neighbours..values.len().saturating_sub(neighbours) {
+        let (before, after) = of_both.split_at_mut(neighbours);
+        before.copy_from_slice(&values[place - neighbours..place]);
+        after.copy_from_slice(&values[place + 1..=place + neighbours]);
+        let sides = [median(before), median(after)];
+        let distance = values[place] - median(&mut of_both);
+        distances[place] = distance;
+        alike[place] = sides.iter().all(|side| (values[place] - side) / distance > EITHER_SIDE);
+    }
+    let spread = |distances: &[f64]| {
+        let mut sizes: Vec<f64> = distances.iter().map(|distance| distance.abs()).collect();
+        PER_MEDIAN * median(&mut sizes)
+    };
+    let whole = spread(&distances).max(floor);
+    for (distances, alike) in distances.chunks_mut(ONE_SPREAD).zip(alike.chunks(ONE_SPREAD)) {
+        // Of a few readings the spread is not known.
+        let own = if distances.len() > ONE_SPREAD / 2 { spread(distances).max(whole) } else { whole };
+        for (distance, alike) in distances.iter_mut().zip(alike) {
+            *distance = if *alike && own > 0.0 { *distance / own } else { 0.0 };
+        }
+    }
+    (whole, distances)
+}
+
 /// How many of the spikes (row, standoff), the largest first, show most, of `rows` readings; and how much: several that
 /// would not stand out alone do together. They are left sorted by their standoff.
 fn most_evidence(spikes: &mut [(usize, f64)], rows: usize) -> Option<(usize, f64)> {
@@ -360,8 +387,15 @@ fn most_evidence(spikes: &mut [(usize, f64)], rows: usize) -> Option<(usize, f64
     best
 }
 
-fn median3([a, b, c]: [f64; 3]) -> f64 {
-    a.min(b).max(a.max(b).min(c))
+/// The middle value, of an even number the mean of both; the order is lost.
+fn median(values: &mut [f64]) -> f64 {
+    let middle = values.len() / 2;
+    if middle == 0 {
+        return values.first().copied().unwrap_or_default();
+    }
+    let odd = values.len() % 2 == 1;
+    let (below, upper, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
+    if odd { *upper } else { 0.5 * (*upper + below.iter().copied().fold(f64::NEG_INFINITY, f64::max)) }
 }
 
 #[cfg(test)]

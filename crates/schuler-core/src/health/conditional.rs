@@ -93,7 +93,8 @@ impl<T: RealField + Copy> Conditional<T> {
             cross,
             lambda,
             residual_variance,
-            variance: h0 - h1 + lambda * h2 + residual_variance,
+            // Never below the residual's own noise, whatever rounding has done to a covariance.
+            variance: (h0 - h1 + lambda * h2 + residual_variance).max(residual_variance),
             residual: mean[0] - mean[1] + lambda * mean[2],
         }
     }

@@ -195,9 +195,7 @@ impl<T: RealField + Copy, const LEVELS: usize> Recursion<T, LEVELS> {
                 let innovation = d - prediction.residual;
                 let paths = array::from_fn(|to_level| {
                     let level_noise = span.level_noise[from_level][to_level];
-                    // Never below the residual's own noise, whatever rounding has done to a covariance.
-                    let variance = prediction.variance.max(self.residual_variance);
-                    let inverse_variance = T::one() / (variance + level_noise);
+                    let inverse_variance = T::one() / (prediction.variance + level_noise);
                     Path {
                         prior: weight * span.level_transition[from_level][to_level],
                         level_noise,
