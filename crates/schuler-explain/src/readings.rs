@@ -44,8 +44,9 @@ const LEAST_STANDOFF: f64 = 4.5;
 const LEAST_SPIKES: f64 = 8.5;
 /// Readings on each side with which one may be compared.
 const NEIGHBOURS: [usize; 3] = [2, 4, 8];
-/// Part of its distance from the median of all neighbours by which a spike stands off from those of either side.
-const EITHER_SIDE: f64 = 0.5;
+/// Part of its distance from the median of all neighbours by which a spike stands off from those of either side, and from the one
+/// before and the one after it: what lasts for a few readings is no spike.
+const ALONE: f64 = 0.5;
 /// Readings whose distances have one spread; where the noise grows, it is a larger one.
 const ONE_SPREAD: usize = 500;
 /// Standard deviation of a normal distribution over the median of its magnitudes.
@@ -339,7 +340,7 @@ fn spikes(model: &Model, steps: &[f64], masked: &mut [Vec<bool>]) -> Vec<Fault> 
 fn standoffs(values: &[f64], neighbours: usize, floor: f64) -> (f64, Vec<f64>) {
     let mut of_both = vec![0.0; 2 * neighbours];
     let mut distances = vec![0.0; values.len()];
-    let mut alike = vec![false; values.len()];
+    let mut alone = vec![false; values.len()];
     for place in neighbours..values.len().saturating_sub(neighbours) {
         let (before, after) = of_both.split_at_mut(neighbours);
         before.copy_from_slice(&values[place - neighbours..place]);
@@ -347,18 +348,19 @@ fn standoffs(values: &[f64], neighbours: usize, floor: f64) -> (f64, Vec<f64>) {
         let sides = [median(before), median(after)];
         let distance = values[place] - median(&mut of_both);
         distances[place] = distance;
-        alike[place] = sides.iter().all(|side| (values[place] - side) / distance > EITHER_SIDE);
+        let stands_off = |from: f64| (values[place] - from) / distance > ALONE;
+        alone[place] = [sides[0], sides[1], values[place - 1], values[place + 1]].into_iter().all(stands_off);
     }
     let spread = |distances: &[f64]| {
         let mut sizes: Vec<f64> = distances.iter().map(|distance| distance.abs()).collect();
         PER_MEDIAN * median(&mut sizes)
     };
     let whole = spread(&distances).max(floor);
-    for (distances, alike) in distances.chunks_mut(ONE_SPREAD).zip(alike.chunks(ONE_SPREAD)) {
+    for (distances, alone) in distances.chunks_mut(ONE_SPREAD).zip(alone.chunks(ONE_SPREAD)) {
         // Of a few readings the spread is not known.
         let own = if distances.len() > ONE_SPREAD / 2 { spread(distances).max(whole) } else { whole };
-        for (distance, alike) in distances.iter_mut().zip(alike) {
-            *distance = if *alike && own > 0.0 { *distance / own } else { 0.0 };
+        for (distance, alone) in distances.iter_mut().zip(alone) {
+            *distance = if *alone && own > 0.0 { *distance / own } else { 0.0 };
         }
     }
     (whole, distances)
@@ -400,7 +402,26 @@ fn median(values: &mut [f64]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::{Repeats, clipped, same_at_rest, stuck};
+    use super::{LEAST_STANDOFF, NEIGHBOURS, Repeats, clipped, same_at_rest, standoffs, stuck};
+
+    /// One reading that stands off is a spike with any number of neighbours; a few in a row, a step and a ramp are none.
+    #[test]
+    fn only_single_readings_are_spikes() {
+        let jitter = |k: usize| ((k * 7919) % 997) as f64 / 997.0 - 0.5;
+        let quiet: Vec<f64> = (0..2000).map(jitter).collect();
+        for neighbours in NEIGHBOURS {
+            let spikes = |change: &dyn Fn(usize) -> f64| -> Vec<usize> {
+                let values: Vec<f64> = quiet.iter().enumerate().map(|(k, v)| v + change(k)).collect();
+                let (_, found) = standoffs(&values, neighbours, 0.0);
+                (0..values.len()).filter(|k| found[*k].abs() > LEAST_STANDOFF).collect()
+            };
+            assert!(spikes(&|_| 0.0).is_empty());
+            assert_eq!(spikes(&|k| if k == 700 { -4.0 } else { 0.0 }), [700]);
+            assert!(spikes(&|k| if (700..703).contains(&k) { 4.0 } else { 0.0 }).is_empty());
+            assert!(spikes(&|k| if k >= 700 { 4.0 } else { 0.0 }).is_empty());
+            assert!(spikes(&|k| 0.1 * k as f64).is_empty());
+        }
+    }
 
     /// A coarse output that stands still between manoeuvres repeats itself; one as fine as its noise does not.
     #[test]

@@ -21,6 +21,8 @@ pub struct Noise {
     pub left_over: f64,
     /// White noise that is added from a time on: that time, s, and 1 σ.
     pub more_white: Option<(f64, f64)>,
+    /// Spikes: their probability in a reading, and 1 σ.
+    pub spikes: Option<(f64, f64)>,
 }
 
 /// The Schuler loop whose velocity error is the series; its sensors' errors are held over a step.
@@ -36,6 +38,8 @@ pub struct Loop {
     pub gyro: Noise,
     /// White noise of the velocity, m/s.
     pub velocity_white: f64,
+    /// Spikes of the velocity: their probability in a reading, and 1 σ, m/s.
+    pub spikes: Option<(f64, f64)>,
 }
 
 /// Relative change of the gain below which the filter has settled.
@@ -54,6 +58,7 @@ pub struct Model {
     prior: DMatrix<f64>,
     white: f64,
     more_white: Option<(f64, f64)>,
+    spikes: Option<(f64, f64)>,
 }
 
 /// Series after whitening.
@@ -150,7 +155,7 @@ impl Noise {
     /// The model of a series with this noise.
     pub fn model(&self, step_s: f64) -> Model {
         let Block { f, q, prior, h } = self.blocks(step_s);
-        Model { f, q, h, prior, white: self.white, more_white: self.more_white }
+        Model { f, q, h, prior, white: self.white, more_white: self.more_white, spikes: self.spikes }
     }
 
     /// The noise of the sum of two independent series.
@@ -161,6 +166,7 @@ impl Noise {
             drift: self.drift.iter().chain(&other.drift).copied().collect(),
             left_over: self.left_over.hypot(other.left_over),
             more_white: self.more_white.or(other.more_white),
+            spikes: self.spikes.or(other.spikes),
         }
     }
 
@@ -225,7 +231,7 @@ impl Loop {
         prior.view_mut((2, 2), (m, m)).copy_from(&sensors.prior);
         let mut h = DVector::zeros(n);
         h[0] = 1.0;
-        Model { f, q, h, prior, white: self.velocity_white, more_white: None }
+        Model { f, q, h, prior, white: self.velocity_white, more_white: None, spikes: self.spikes }
     }
 }
 
@@ -295,7 +301,20 @@ impl Model {
     pub fn log_likelihood(&self, time_s: &[f64], series: &[f64]) -> f64 {
         let w = self.whiten(time_s, &[series]);
         let terms = w.innovations[0].iter().zip(&w.log_variance).filter(|(e, _)| e.is_finite());
-        terms.map(|(e, l)| -0.5 * (e * e + l + std::f64::consts::TAU.ln())).sum()
+        terms.map(|(e, l)| self.log_density(*e, *l) - 0.5 * std::f64::consts::TAU.ln()).sum()
+    }
+
+    /// Logarithm of a row's density, but for its constant, at a standardised innovation and the logarithm of its variance. Nobody
+    /// knows where spikes fall, so it is that of their mixture; what a spike leaves in later innovations is not used.
+    pub fn log_density(&self, innovation: f64, log_variance: f64) -> f64 {
+        let square = innovation * innovation;
+        let wider = self.spikes.map_or(0.0, |(probability, sigma)| {
+            let more = sigma * sigma / log_variance.exp();
+            let spike = probability.ln() + 0.5 * (square * more / (1.0 + more) - more.ln_1p());
+            let none = (-probability).ln_1p();
+            spike.max(none) + (-(spike - none).abs()).exp().ln_1p()
+        });
+        wider - 0.5 * (square + log_variance)
     }
 }
 
@@ -319,6 +338,20 @@ mod tests {
     use crate::physics::schuler::SchulerLoop;
 
     const STEP: f64 = 2.0;
+
+    /// The density of a reading that may be a spike integrates to one, and is the wider normal's far out.
+    #[test]
+    fn spikes_are_a_mixture() {
+        let (probability, sigma) = (0.01, 6.0);
+        let model = Noise { white: 1.0, spikes: Some((probability, sigma)), ..Noise::default() }.model(STEP);
+        let density = |e: f64| (model.log_density(e, 0.0) - 0.5 * std::f64::consts::TAU.ln()).exp();
+        let whole: f64 = (-60_000..=60_000).map(|k| density(f64::from(k) * 1e-3) * 1e-3).sum();
+        assert!((whole - 1.0).abs() < 1e-9, "{whole}");
+        let variance = 1.0 + sigma * sigma;
+        let wide = probability * (-0.5 * 400.0 / variance).exp() / (std::f64::consts::TAU * variance).sqrt();
+        assert!((density(20.0) / wide - 1.0).abs() < 1e-12);
+        assert!(model.log_density(1e4, 0.0).is_finite());
+    }
 
     /// Log-likelihood with a dense covariance matrix.
     fn dense(covariance: &DMatrix<f64>, y: &DVector<f64>) -> f64 {
@@ -435,6 +468,7 @@ mod tests {
                 ..Noise::default()
             },
             velocity_white: 0.05,
+            spikes: None,
         };
         let mut truth =
             SchulerLoop { radius_m: 6_371_000.0, gravity: 9.80665, velocity_error: 0.4, tilt: 1e-4 };

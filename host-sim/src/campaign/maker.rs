@@ -6,7 +6,7 @@ use schuler_recording::case::{ExponentialCosine, Markov};
 use super::answer::{Answer, Effect, FORMAT, Pair, Parameter};
 use super::draw::Draw;
 use super::effect::{Concealed, EFFECTS, Entry, Family, Rival, Rule};
-use super::likelihood::{Noise, project_out};
+use super::likelihood::{Model, Noise, Whitened, project_out};
 use super::oracle::{self, Signals, View, half_square};
 use super::plan::Group;
 use super::setting::{Kind, Setting};
@@ -280,11 +280,9 @@ impl<'c> Bench<'c> {
             let (a, b) =
                 (null.whiten(&self.time_s, &[&series]), after.model.whiten(&self.time_s, &[&series]));
             for k in 0..self.rows {
-                let nll = |w: &super::likelihood::Whitened| {
-                    let e = w.innovations[0][k];
-                    0.5 * (e * e + w.log_variance[k])
-                };
-                gain[k] += nll(&a) - nll(&b);
+                let of =
+                    |model: &Model, w: &Whitened| model.log_density(w.innovations[0][k], w.log_variance[k]);
+                gain[k] += of(&after.model, &b) - of(&null, &a);
             }
         }
         (gain.iter().filter(|g| g.is_finite()).sum(), gain)

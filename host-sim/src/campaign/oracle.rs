@@ -42,7 +42,8 @@ pub fn views(setting: &Setting, noise_of: impl Fn(&str) -> Noise) -> Vec<View> {
             // The noise of the loop's own velocity may be other than the channel says.
             let model = setting.channel.as_ref().map(|it| {
                 let mut it = it.clone();
-                it.velocity_white = noise_of(&id).white;
+                let noise = noise_of(&id);
+                (it.velocity_white, it.spikes) = (noise.white, noise.spikes);
                 it.model(step)
             });
             model

@@ -973,6 +973,7 @@ fn channel(most_rows: usize, seed: u64, draw: &mut Draw) -> Setting {
         accelerometer: markov(&a),
         gyro: markov(&w),
         velocity_white: white,
+        spikes: None,
     };
     let all = vec![("velocity_error".to_owned(), Noise { white, ..Noise::default() })];
     Setting { kind: Kind::Channel, scenario, noise: all, channel: Some(channel) }

@@ -156,5 +156,9 @@ pub(super) fn noise_outliers(setting: &Setting, draw: &mut Draw) -> Option<Conce
     let it = Concealed::new("noise_outliers", Structure, &name, size, move |s, size| {
         parasite(s, &output, Disturbance::Bursts { size, every_s, decay_s: 0.0 });
     });
-    Some(pair(setting, it.read_at(&id)))
+    let probability = 1.0 - (-setting.scenario.step_s / every_s).exp();
+    let it = it
+        .read_at(&id)
+        .noise(false, move |noise, size| Noise { spikes: Some((probability, size.abs())), ..noise.clone() });
+    Some(pair(setting, it))
 }
