@@ -34,7 +34,7 @@ pub mod source;
 pub mod state;
 pub mod table;
 
-/// Memory that a target may use, bytes.
+/// Memory that a target may use, bytes; Parquet has a bound of its own.
 pub const MEMORY: usize = 512 << 20;
 
 /// One target.

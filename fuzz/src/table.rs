@@ -8,6 +8,9 @@ use crate::seeds;
 /// Columns that are read: an exploding header must not be multiplied.
 const WANTED: usize = 8;
 
+/// Memory for Parquet, bytes: its decoder reserves what a page says of its size, 31 bits of it, before it looks at what is there.
+pub const PARQUET_MEMORY: usize = 3 << 30;
+
 /// CSV and gzipped CSV, told apart as for a file.
 pub fn text(data: &[u8]) {
     check(data);

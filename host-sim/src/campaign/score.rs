@@ -273,6 +273,7 @@ mod tests {
             family: Family::Thermal,
             same: vec![],
             interval_s: None,
+            oracle_onset_s: None,
             parameters: vec![Parameter {
                 name: "coefficient".into(),
                 value: 3.6,

@@ -11,6 +11,8 @@ use crate::unit::Unit;
 
 /// How far the length of an axis may be from 1 before it is worth a word.
 const UNIT_LENGTH_TOLERANCE: f64 = 1e-3;
+/// How far rounding may take the length of an axis that was normalised from 1.
+const ROUNDED_LENGTH: f64 = 4.0 * f64::EPSILON;
 
 impl CaseFile {
     /// Reads the case at `path`.
@@ -228,7 +230,9 @@ fn direction(field: &Field<'_>) -> Option<[f64; 3]> {
     if (length * largest - 1.0).abs() > UNIT_LENGTH_TOLERANCE {
         field.warn("not of unit length, normalised");
     }
-    if length * largest == 1.0 { Some(components) } else { Some(scaled.map(|component| component / length)) }
+    // What has been normalised stays as it is, whatever its length was rounded to.
+    let normalised = (length * largest - 1.0).abs() <= ROUNDED_LENGTH;
+    if normalised { Some(components) } else { Some(scaled.map(|component| component / length)) }
 }
 
 fn nominal(node: &Node<'_>) -> Option<Nominal> {
