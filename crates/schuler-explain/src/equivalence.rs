@@ -6,8 +6,10 @@
 //! others are its rivals.
 use std::collections::HashSet;
 
+use schuler_recording::unit::Dimension;
+
 use crate::arrays::AT_MEAN;
-use crate::catalogue::{Candidate, Column, Port, Search};
+use crate::catalogue::{Candidate, Column, Port, Search, Target};
 use crate::description::{Term, blocks_of};
 use crate::explanation::Rival;
 use crate::noise_change::ChangeFit;
@@ -25,6 +27,8 @@ const PRICED_NATS: f64 = 2.0 * CLASS_NATS;
 
 /// Nats of difference in gain that mean nothing.
 const INDIFFERENT_NATS: f64 = 0.5;
+/// The effect of axes that are not where they are said to be.
+const MISALIGNMENT: &str = "misalignment";
 
 /// Evidence from which on a change of noise is judged with the other free parameters fitted beside it.
 const WORTH_REFITTING: f64 = 3.0;
@@ -51,8 +55,8 @@ pub struct Alternative {
 /// Name of what a candidate acts on.
 pub fn target_name(model: &Model, candidate: &Candidate) -> String {
     match &candidate.target {
-        crate::catalogue::Target::Group { name, .. } => name.clone(),
-        crate::catalogue::Target::Sensor(sensor) => model
+        Target::Group { name, .. } => name.clone(),
+        Target::Sensor(sensor) => model
             .source_of(*sensor, candidate.port)
             .and_then(|source| model.sources.get(source))
             .map_or_else(String::new, |source| source.name.clone()),
@@ -205,17 +209,34 @@ fn part_at_mean<'t>(case: &Case<'_>, whole: &'t Term) -> Option<&'t Column> {
     whole.columns.get(amplitudes.iter().position(|amplitude| amplitude.name == AT_MEAN)?)
 }
 
-/// What one sensor shows and its whole instrument explains as well is of the instrument: a mounting, a clock.
+/// What one sensor shows and its whole instrument explains as well is of the instrument: a clock, the mounting of a log, whose beams
+/// are one casting. The axes of gyros and accelerometers are set one by one, and one that is turned is likelier than a unit of
+/// which no other sensor shows it: there the sensor leads.
 fn prefer_instrument(case: &Case<'_>, found: &mut [Alternative]) {
-    let Some(first) = found.first().map(|first| &case.candidates[first.candidate]) else { return };
-    let crate::catalogue::Target::Sensor(sensor) = first.target else { return };
-    let whole = found.iter().position(|other| {
+    let Some(best) = found.first() else { return };
+    let first = &case.candidates[best.candidate];
+    let of_one = |candidate: &Candidate, sensor: usize| {
+        let source = case.model.source_of(sensor, candidate.port).map(|source| &case.model.sources[source]);
+        candidate.effect.id == MISALIGNMENT
+            && source.is_some_and(|source| source.unit.dimension() != Dimension::Velocity)
+    };
+    let leads = |other: &Alternative| {
         let candidate = &case.candidates[other.candidate];
         candidate.effect.id == first.effect.id
-            && matches!(&candidate.target, crate::catalogue::Target::Group { sensors, .. } if sensors.contains(&sensor))
-    });
-    if let Some(whole) = whole {
-        found[..=whole].rotate_right(1);
+            && match (&first.target, &candidate.target) {
+                (Target::Sensor(sensor), Target::Group { sensors, .. }) => {
+                    sensors.contains(sensor) && !of_one(first, *sensor)
+                }
+                (Target::Group { sensors, .. }, Target::Sensor(sensor)) => {
+                    sensors.contains(sensor)
+                        && of_one(candidate, *sensor)
+                        && other.gain > best.gain - INDIFFERENT_NATS
+                }
+                _ => false,
+            }
+    };
+    if let Some(place) = found.iter().position(leads) {
+        found[..=place].rotate_right(1);
     }
 }
 
