@@ -58,7 +58,7 @@ pub struct Effect {
     /// When it acts, if it is local in time, s from the beginning.
     pub interval_s: Option<[f64; 2]>,
     /// When the oracle, which knows its shape and the true noise, finds it to begin, s from the beginning: where its likelihood with
-    /// a free size and a free onset is largest.
+    /// a free size (of a change of noise the true one) and a free onset is largest.
     #[serde(default)]
     pub oracle_onset_s: Option<f64>,
     /// Its true parameters.

@@ -512,8 +512,8 @@ impl<'c> Bench<'c> {
         }
     }
 
-    /// Where the likelihood of an effect that begins at some time is largest, its shape and the noise known, its size free; none
-    /// for one that acts all the time. `noise`: the outputs without any effect.
+    /// Where the likelihood of an effect that begins at some time is largest, its shape and the noise known, its size free (of a
+    /// change of noise the true one); none for one that acts all the time. `noise`: the outputs without any effect.
     fn onset(&self, it: &Sized, views: &[View], noise: &Signals) -> Result<Option<f64>, Interrupted> {
         let Some([from_s, _]) = it.concealed.interval_s else { return Ok(None) };
         if it.concealed.effect == "output_stuck" {
