@@ -1,4 +1,4 @@
-//! The flight step.
+//! The flight step, and whole flights.
 use std::cell::RefCell;
 use std::sync::OnceLock;
 
@@ -8,13 +8,19 @@ use schuler_core::health::{Estimate, HealthConfig};
 use schuler_core::identification::{IdentificationConfig, Method};
 use schuler_core::isolation::Verdict;
 use schuler_core::module::{FlightModule, ModuleConfig, StepInput, StepOutput, THERMOMETERS};
-use schuler_core::reading::Reading;
+use schuler_core::reading::{Quality, Reading};
 use schuler_core::thermal::TemperatureRateConfig;
 
 use crate::source;
 
-/// Most steps of one input: a bound on its time.
-const MOST_STEPS: u32 = 400;
+/// Most steps of one flight: a bound on its time.
+const FLIGHT_STEPS: u64 = 400;
+/// And of one stretch of a flight.
+const STRETCH_STEPS: u64 = 12;
+/// Steps of a quiet flight before the stretch, in which identifications have begun and ended.
+const QUIET_STEPS: u32 = 100;
+/// Steps in which much goes wrong.
+const TROUBLED_STEPS: u32 = 40;
 
 /// Configurations as they are flown: everything on, with each method of identification, which start early.
 pub fn configurations() -> &'static [ModuleConfig] {
@@ -61,50 +67,97 @@ pub(crate) fn started() -> Vec<Box<FlightModule>> {
     modules.collect()
 }
 
+/// Modules to go on from: just started, in a quiet flight, and after a bad one, of each configuration.
+fn in_flight() -> Vec<Box<FlightModule>> {
+    let flights = started().into_iter().flat_map(|start| {
+        let mut quiet = start.clone();
+        for k in 0..QUIET_STEPS {
+            quiet.step(&quiet_step(k));
+        }
+        let mut troubled = quiet.clone();
+        for k in QUIET_STEPS..QUIET_STEPS + TROUBLED_STEPS {
+            troubled.step(&troubled_step(k));
+        }
+        [start, quiet, troubled]
+    });
+    flights.collect()
+}
+
+/// The `k`-th step of a quiet flight.
+pub(crate) fn quiet_step(k: u32) -> StepInput {
+    ordinary(u64::from(k) * 1000, k.wrapping_mul(0x9e37_79b9))
+}
+
+/// One with a gyro that has failed, velocities and a thermometer that come and go, and in the end a silence.
+fn troubled_step(k: u32) -> StepInput {
+    let mut input = quiet_step(k);
+    input.gyros[2].value += 1e-3;
+    input.accelerometers[0].quality = Quality::Saturated;
+    if k.is_multiple_of(3) {
+        input.velocity_error.value += 50.0;
+        input.thermometers[1].value = -300.0;
+    }
+    if k % 5 < 2 {
+        input.radio_velocity.value = f32::NAN;
+    }
+    if k + 1 == QUIET_STEPS + TROUBLED_STEPS {
+        input.time_ms += 500_000;
+    }
+    input
+}
+
 thread_local! {
     static STARTED: Vec<Box<FlightModule>> = started();
+    static IN_FLIGHT: Vec<Box<FlightModule>> = in_flight();
     static MODULE: RefCell<Box<FlightModule>> = RefCell::new(Box::new(FlightModule::new()));
 }
 
-/// A flight: steps of any readings at any time, and stretches of ordinary ones in between.
+/// A whole flight: steps of any readings at any time, and stretches of ordinary ones in between.
+pub fn flight(data: &[u8]) {
+    STARTED.with(|all| fly(&mut Unstructured::new(data), all, FLIGHT_STEPS));
+}
+
+/// A stretch of a flight, the same in a tenth of a millisecond.
 pub fn step(data: &[u8]) {
-    let mut source = Unstructured::new(data);
+    IN_FLIGHT.with(|all| fly(&mut Unstructured::new(data), all, STRETCH_STEPS));
+}
+
+fn fly(source: &mut Unstructured<'_>, starts: &[Box<FlightModule>], most_steps: u64) {
+    let chosen = source.arbitrary::<u8>().unwrap_or_default();
     MODULE.with_borrow_mut(|module| {
-        let chosen = source.arbitrary::<u8>().unwrap_or_default();
-        STARTED.with(|all| {
-            if let Some(start) = all.get(usize::from(chosen) % all.len()) {
-                (**module).clone_from(start);
-            }
-        });
+        if let Some(start) = starts.get(usize::from(chosen) % starts.len()) {
+            (**module).clone_from(start);
+        }
         // Bytes that end too early end the flight.
-        let _ = fly(&mut source, module);
+        let _ = go_on(source, module, most_steps);
     });
 }
 
-fn fly(source: &mut Unstructured<'_>, module: &mut FlightModule) -> Result<()> {
-    let (mut time_ms, mut steps) = (0u64, 0u32);
+fn go_on(source: &mut Unstructured<'_>, module: &mut FlightModule, most_steps: u64) -> Result<()> {
+    let mut time_ms = module.last_time_ms().unwrap_or(0);
+    let last = module.steps() + most_steps;
     let mut random = 1u32;
     // Past their end, the bytes are zeros.
-    while steps < MOST_STEPS && !source.is_empty() {
+    while module.steps() < last && !source.is_empty() {
         if source.arbitrary::<u8>()? < 32 {
-            for _ in 0..source.arbitrary::<u8>()? {
+            for _ in 0..u64::from(source.arbitrary::<u8>()?).min(last - module.steps()) {
                 time_ms = time_ms.wrapping_add(1000);
                 random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                checked_step(module, &ordinary(time_ms, random), &mut steps);
+                checked_step(module, &ordinary(time_ms, random));
             }
         } else {
             time_ms = source::next_time(source, time_ms)?;
             let input = source::step_input(source, time_ms)?;
-            checked_step(module, &input, &mut steps);
+            checked_step(module, &input);
         }
     }
     Ok(())
 }
 
-fn checked_step(module: &mut FlightModule, input: &StepInput, steps: &mut u32) {
-    *steps += 1;
+fn checked_step(module: &mut FlightModule, input: &StepInput) {
+    let expected = module.steps() + 1;
     let output = module.step(input);
-    assert_eq!((output.step, output.time_ms), (u64::from(*steps), input.time_ms));
+    assert_eq!((output.step, output.time_ms), (expected, input.time_ms));
     check_output(&output);
 }
 

@@ -8,7 +8,7 @@
 //! | --- | --- | --- |
 //! | [`link::decoder`] | a line's bytes | refused or a whole frame, each refusal counted, in fixed memory |
 //! | [`link::message`] | the content of a sound frame | a message that goes out again as it came, or refused |
-//! | [`link::endpoint`] | commands, repetitions, noise, jumps of the clock | every answer a frame; finite outputs |
+//! | [`link::conversation`] | commands, repetitions, noise, jumps of the clock | every answer a frame; finite outputs |
 //! | [`compensation::block`] | a block, or its content under a sound checksum | refused, or corrections finite and within limits |
 //! | [`case::case`] | a case file | an error by line, or a case that is written and read back the same |
 //! | [`table::text`] | CSV or gzipped CSV | an error, or columns of one length of finite numbers and NaN |
@@ -16,7 +16,8 @@
 //! | [`table::ulog`] | a ULog file | the same, and the rows of a topic by themselves as beside others |
 //! | [`table::mcap`] | an MCAP file, or messages in a sound one | the same |
 //! | [`recording::recording`] | a table under a fixed case | an error, or times that increase and series of one length |
-//! | [`flight::step`] | configuration, readings, commands, clock | finite outputs in range |
+//! | [`flight::flight`] | a flight: configuration, readings, commands, clock | finite outputs in range |
+//! | [`flight::step`] | a few steps of it, from the start, a quiet flight or a bad one | the same |
 //! | [`state::state`] | a saved state, changed, cut, of another module, in parts | refused and nothing changed, or it flies, and saves as the same |
 //! | [`flight::configuration`] | a module's configuration | refused, or it flies without a panic |
 //! | [`filter::filter`] | measurements, gaps, retunings | covariance symmetric positive definite in both precisions |
@@ -49,10 +50,10 @@ pub struct Target {
 }
 
 /// All targets.
-pub const TARGETS: [Target; 14] = [
+pub const TARGETS: [Target; 15] = [
     Target { name: "link_decoder", run: link::decoder, seeds: seeds::frames },
     Target { name: "link_message", run: link::message, seeds: seeds::messages },
-    Target { name: "link_endpoint", run: link::endpoint, seeds: seeds::noise },
+    Target { name: "link_endpoint", run: link::conversation, seeds: seeds::noise },
     Target { name: "compensation_block", run: compensation::block, seeds: seeds::blocks },
     Target { name: "case", run: case::case, seeds: seeds::cases },
     Target { name: "table_text", run: table::text, seeds: seeds::text_tables },
@@ -60,6 +61,7 @@ pub const TARGETS: [Target; 14] = [
     Target { name: "table_ulog", run: table::ulog, seeds: seeds::ulog_tables },
     Target { name: "table_mcap", run: table::mcap, seeds: seeds::mcap_tables },
     Target { name: "recording", run: recording::recording, seeds: seeds::text_tables },
+    Target { name: "flight", run: flight::flight, seeds: seeds::noise },
     Target { name: "flight_step", run: flight::step, seeds: seeds::noise },
     Target { name: "saved_state", run: state::state, seeds: seeds::noise },
     Target { name: "flight_configuration", run: flight::configuration, seeds: seeds::configurations },

@@ -1,6 +1,5 @@
 //! Bytes from a line.
-use std::cell::Cell;
-use std::sync::OnceLock;
+use std::cell::{Cell, RefCell};
 
 use arbitrary::{Result, Unstructured};
 use schuler_core::module::{FlightModule, StateLoader};
@@ -85,18 +84,30 @@ fn framed<M: Message>(sequence: u32, content: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// What comes to the module's side over a life of commands, repetitions, noise, and a clock that does what it likes.
-pub fn endpoint(data: &[u8]) {
-    // Bytes that end too early end the conversation.
-    let _ = converse(&mut Unstructured::new(data));
+/// Most messages of a conversation: a bound on its time.
+const MESSAGES: u32 = 16;
+
+/// What is said next, where it is not drawn.
+const NEXT_PART: u8 = u8::MAX;
+
+/// What a conversation begins with.
+struct Scene {
+    module: Box<FlightModule>,
+    /// What a host would have said to bring it to its state.
+    loading: Vec<HostMessage>,
 }
 
-/// What a host says to start a flight: the states of the modules without identification, the others' being six times as long.
-fn starts() -> &'static [Vec<HostMessage>] {
-    static ALL: OnceLock<Vec<Vec<HostMessage>>> = OnceLock::new();
-    ALL.get_or_init(|| started().iter_mut().take(SHORT).map(|module| loading(&save(module))).collect())
+/// A module that waits, and those in flight without identification, the others' states being six times as long.
+fn scenes() -> Vec<Scene> {
+    let waits = Scene { module: Box::new(FlightModule::new()), loading: Vec::new() };
+    let in_flight = started().into_iter().take(SHORT).map(|mut module| {
+        let loading = loading(&save(&mut module));
+        Scene { module, loading }
+    });
+    [waits].into_iter().chain(in_flight).collect()
 }
 
+/// What a host says to bring a module to a state.
 fn loading(state: &[u8]) -> Vec<HostMessage> {
     let mut messages = vec![HostMessage::Forget];
     // A part that cuts a value would have to be followed by one that begins before its end: the loader says where.
@@ -110,22 +121,39 @@ fn loading(state: &[u8]) -> Vec<HostMessage> {
     messages
 }
 
-fn converse(source: &mut Unstructured<'_>) -> Result<()> {
+thread_local! {
+    static SCENES: Vec<Scene> = scenes();
+    static MODULE: RefCell<Box<FlightModule>> = RefCell::new(Box::new(FlightModule::new()));
+}
+
+/// What comes to the module's side: commands, repetitions, noise, and a clock that does what it likes.
+pub fn conversation(data: &[u8]) {
+    SCENES.with(|scenes| {
+        MODULE.with_borrow_mut(|module| {
+            // Bytes that end too early end the conversation.
+            let _ = converse(&mut Unstructured::new(data), scenes, module);
+        });
+    });
+}
+
+fn converse(source: &mut Unstructured<'_>, scenes: &[Scene], module: &mut FlightModule) -> Result<()> {
     let identity = Identity { board: Board::Host, transport: Transport::Memory, start: Start::PowerOn };
     let mut endpoint = Endpoint::new(identity);
-    let mut module = Box::new(FlightModule::new());
+    module.clone_from(&source.choose(scenes)?.module);
     let now_us = Cell::new(0u64);
     let (mut sequence, mut time_ms) = (0u32, 0u64);
     let mut last = Vec::new();
-    let mut to_come = [].iter();
+    // A state on its way, and whether its parts follow each other with nothing between.
+    let (mut to_come, mut at_once) = ([].iter(), false);
     // A configuration that promises finite outputs is in force.
     let mut sane = true;
-    for _ in 0..80 {
-        // Past their end, the bytes are zeros.
-        if source.is_empty() {
-            break;
-        }
-        let message = match source.arbitrary::<u8>()? {
+    let mut said = 0;
+    // Past their end, the bytes are zeros.
+    while said < MESSAGES && !source.is_empty() {
+        at_once &= to_come.len() > 0;
+        said += u32::from(!at_once);
+        let what = if at_once { NEXT_PART } else { source.int_in_range(0..=NEXT_PART - 1)? };
+        let message = match what {
             0..8 => None,
             8..24 => {
                 now_us.set(
@@ -147,11 +175,12 @@ fn converse(source: &mut Unstructured<'_>) -> Result<()> {
                 let bytes: StateBytes = source.bytes(source.len().min(64))?.iter().copied().collect();
                 Some(HostMessage::LoadState { begin, bytes })
             }
-            60..80 => {
-                to_come = source.choose(starts())?.iter();
+            60..64 => {
+                to_come = source.choose(scenes)?.loading.iter();
+                at_once = source.arbitrary()?;
                 to_come.next().cloned()
             }
-            80..180 if to_come.len() > 0 => to_come.next().cloned(),
+            64..180 | NEXT_PART if to_come.len() > 0 => to_come.next().cloned(),
             _ => {
                 time_ms = source::next_time(source, time_ms)?;
                 Some(HostMessage::Step(source::step_input(source, time_ms)?))
@@ -159,7 +188,7 @@ fn converse(source: &mut Unstructured<'_>) -> Result<()> {
         };
         let bytes = match &message {
             Some(message) => {
-                sequence = match source.arbitrary::<u8>()? {
+                sequence = match if at_once { NEXT_PART } else { source.arbitrary()? } {
                     0..8 => source.arbitrary()?,
                     8..16 => sequence,
                     _ => sequence.wrapping_add(1),
@@ -175,11 +204,11 @@ fn converse(source: &mut Unstructured<'_>) -> Result<()> {
             }
         };
         for &byte in &bytes {
-            if let Reaction::Send(answer) = endpoint.receive(byte, &mut module, || now_us.get()) {
+            if let Reaction::Send(answer) = endpoint.receive(byte, module, || now_us.get()) {
                 check_answer(answer, sane);
             }
         }
-        if let Some(answer) = endpoint.tick(&mut module, || now_us.get()) {
+        if let Some(answer) = endpoint.tick(module, || now_us.get()) {
             check_answer(answer, sane);
         }
         last = bytes;

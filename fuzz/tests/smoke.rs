@@ -102,6 +102,7 @@ targets!(
     table_ulog,
     table_mcap,
     recording,
+    flight,
     flight_step,
     saved_state,
     flight_configuration,
