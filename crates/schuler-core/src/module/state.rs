@@ -121,8 +121,8 @@ impl FlightModule {
     pub fn restore(&mut self, bytes: &[u8]) -> Result<(), StateError> {
         examine(bytes)?;
         match StateLoader::new().take(self, 0, bytes) {
-            Ok(next) if next as usize == bytes.len() => Ok(()),
-            // Of a length that no state has: somebody's work.
+            Ok(_) if !self.is_loading() => Ok(()),
+            // Of a length that no state has: somebody's work. It may end where another value would begin.
             Ok(_) => {
                 self.forget();
                 Err(StateError::Content)
