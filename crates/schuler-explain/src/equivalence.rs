@@ -12,6 +12,7 @@ use crate::arrays::AT_MEAN;
 use crate::catalogue::{Candidate, Column, Port, Search, Target};
 use crate::description::{Term, blocks_of};
 use crate::explanation::Rival;
+use crate::jump::RATES;
 use crate::noise_change::ChangeFit;
 use crate::nominal::Model;
 use crate::search::{Family, deterministic, evidence, library};
@@ -156,7 +157,8 @@ fn prefer_simpler(case: &Case<'_>, found: &mut [Alternative]) {
     let parameters = |other: &Alternative| {
         let candidate = &case.candidates[other.candidate];
         let amplitudes = candidate.amplitudes.iter().filter(|amplitude| amplitude.name != AT_MEAN).count();
-        amplitudes + other.term.as_ref().map_or(0, |term| term.nonlinear.len())
+        let rates = if matches!(candidate.search, Search::Readings(_)) { RATES } else { 0 };
+        amplitudes + rates + other.term.as_ref().map_or(0, |term| term.nonlinear.len())
     };
     let cause = |other: &Alternative| {
         case.candidates[other.candidate]

@@ -32,13 +32,16 @@ const SAME: f64 = 0.1;
 /// Starts that are followed, and how often amplitude and rates are fitted.
 const FOLLOWED: usize = 2;
 const ITERATIONS: usize = 3;
-/// Degrees of freedom: the amplitude and two rates; and ln of the places where they were sought.
-const FREEDOM: usize = 3;
+/// Rates of switching on and off.
+pub const RATES: usize = 2;
+/// Degrees of freedom: the amplitude and the rates; and ln of the places where they were sought.
+const FREEDOM: usize = 1 + RATES;
 const LN_PLACES: f64 = 2.0;
-/// Rows that it stays on, on average: what changes from row to row is a lattice or noise.
+/// Rows that it stays on, on average, and off: what changes from row to row is a lattice or noise, and a mean that is left for a
+/// reading or two has glitches.
 const SHORTEST_STAY_ROWS: usize = 4;
-/// Switchings, at least; with fewer it is a step.
-const FEWEST_SWITCHINGS: usize = 3;
+/// Stays that long, on as well as off; with fewer it is a step, or glitches.
+const FEWEST_STAYS: usize = 2;
 
 /// Amplitude and probabilities, a row, of switching on and off.
 #[derive(Clone, Copy, Debug)]
@@ -153,11 +156,29 @@ impl Place {
             }
         }
         let best = found.into_iter().max_by(|a, b| a.gain.total_cmp(&b.gain))?;
-        let switchings = best.on.windows(2).filter(|pair| pair[0] != pair[1]).count();
-        let rows_on = best.on.iter().filter(|&&on| on).count();
-        let stays = rows_on >= SHORTEST_STAY_ROWS * switchings.div_ceil(2);
-        (switchings >= FEWEST_SWITCHINGS && stays).then_some(best)
+        let comes_and_goes = [false, true].into_iter().all(|state| {
+            let (number, rows) = stays(&best.on, state).fold((0, 0), |(n, rows), stay| (n + 1, rows + stay));
+            let long = stays(&best.on, state).filter(|&stay| stay >= SHORTEST_STAY_ROWS).count();
+            long >= FEWEST_STAYS && rows >= SHORTEST_STAY_ROWS * number
+        });
+        comes_and_goes.then_some(best)
     }
+}
+
+/// Rows of each stay, on or off.
+fn stays(on: &[bool], state: bool) -> impl Iterator<Item = usize> + '_ {
+    on.chunk_by(|a, b| a == b).filter(move |stay| stay.first() == Some(&state)).map(<[bool]>::len)
+}
+
+/// How long a term stays on and off on average, s: mean and standard deviation, of stays that are distributed exponentially.
+pub fn mean_stays(term: &Term, step_s: f64) -> [(&'static str, f64, f64); RATES] {
+    let column = term.columns.first().and_then(|column| column.parts.first());
+    let on: Vec<bool> = column.iter().flat_map(|(_, values)| values).map(|&value| value > 0.5).collect();
+    [("on_s", true), ("off_s", false)].map(|(name, state)| {
+        let number = (stays(&on, state).count() as f64).max(1.0);
+        let mean_s = stays(&on, state).sum::<usize>() as f64 * step_s / number;
+        (name, mean_s, mean_s / number.sqrt())
+    })
 }
 
 /// Telegraphs with the autocorrelation of a Markov part, up or down.

@@ -7,9 +7,10 @@
 //! widen both ([`sandwich`](crate::sandwich)).
 use nalgebra::{DMatrix, DVector};
 
-use crate::catalogue::{Candidate, NoiseChange, OnsetShape, Search};
+use crate::catalogue::{Candidate, NoiseChange, OnsetShape, ReadingFault, Search};
 use crate::description::{Term, nonlinear_names};
 use crate::explanation::Parameter;
+use crate::jump::mean_stays;
 use crate::noise::{Knob, VarianceStep};
 use crate::noise_fit::{curvature, exact, logs_of, with_logs};
 use crate::sandwich::variances;
@@ -124,6 +125,17 @@ pub fn of_term(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter> {
             text: None,
             plausible: None,
         });
+    }
+    if matches!(candidate.search, Search::Readings(ReadingFault::IntermittentJump)) {
+        let stays = mean_stays(term, case.model.step_s);
+        parameters.extend(stays.map(|(name, mean_s, sigma_s)| Parameter {
+            name: name.to_owned(),
+            value: Some(mean_s),
+            sigma: Some(sigma_s),
+            unit: Some("s".to_owned()),
+            text: None,
+            plausible: None,
+        }));
     }
     parameters.extend(texts(candidate));
     parameters

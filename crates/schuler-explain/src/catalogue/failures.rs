@@ -1,5 +1,5 @@
 //! What readings show of a failure without a model of the sensor.
-use super::draft::{Draft, any, at_each_place};
+use super::draft::{Draft, ITSELF, Plausible, any, at_each_place, coefficient};
 use super::{Candidate, Effect, Port, ReadingFault, Search};
 use crate::inputs::Inputs;
 
@@ -64,6 +64,10 @@ fn readings(effect: &'static Effect, inputs: &Inputs<'_>, fault: ReadingFault) -
         if place.port != Port::Output {
             return Vec::new();
         }
-        vec![Draft::new(Search::Readings(fault), Vec::new())]
+        let amplitudes = match fault {
+            ReadingFault::IntermittentJump => vec![coefficient(place, ITSELF, Plausible::UNKNOWN)],
+            _ => Vec::new(),
+        };
+        vec![Draft::new(Search::Readings(fault), amplitudes)]
     })
 }
