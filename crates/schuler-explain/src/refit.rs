@@ -126,19 +126,25 @@ pub fn of_term(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter> {
             plausible: None,
         });
     }
-    if matches!(candidate.search, Search::Readings(ReadingFault::IntermittentJump)) {
-        let stays = mean_stays(term, case.model.step_s);
-        parameters.extend(stays.map(|(name, mean_s, sigma_s)| Parameter {
-            name: name.to_owned(),
-            value: Some(mean_s),
-            sigma: Some(sigma_s),
-            unit: Some("s".to_owned()),
-            text: None,
-            plausible: None,
-        }));
-    }
+    parameters.extend(of_stays(candidate, term, case.model.step_s));
     parameters.extend(texts(candidate));
     parameters
+}
+
+/// How long a mean that jumps stays on and off.
+fn of_stays(candidate: &Candidate, term: &Term, step_s: f64) -> Vec<Parameter> {
+    if !matches!(candidate.search, Search::Readings(ReadingFault::IntermittentJump)) {
+        return Vec::new();
+    }
+    let stays = mean_stays(term, step_s).map(|(name, mean_s, sigma_s)| Parameter {
+        name: name.to_owned(),
+        value: Some(mean_s),
+        sigma: Some(sigma_s),
+        unit: Some("s".to_owned()),
+        text: None,
+        plausible: None,
+    });
+    stays.to_vec()
 }
 
 fn texts(candidate: &Candidate) -> impl Iterator<Item = Parameter> + '_ {
