@@ -3,14 +3,15 @@
 //!
 //! Every point of a candidate's grid is an *entry* of one or more columns. Its scores with the data and its products with
 //! the regressors are those of the column itself with R⁻¹ of them, one adjoint pass each. Its products with the other
-//! columns of its entry depend on the noises alone and are kept; a whitened column lives in single precision until they
-//! are taken, and what is decided by them is computed again exactly. The correlations of all columns, which only the null distribution needs, are those of their
-//! sketches: rows with random signs summed into `SKETCH` places (Charikar, Chen & Farach-Colton 2004), by which a
-//! correlation ρ has a standard deviation of (1 − ρ²)/√`SKETCH`; a record that is no longer is exact. Memory is that of
-//! a few columns and the sketches, and the work grows as the length.
+//! columns of its entry are of whitened columns, which live in single precision until they are taken; what is decided by
+//! them is computed again exactly. All these products are kept by the noises and by what they were taken with, so that the
+//! signature of an entry is made again only for noises or regressors that are new. The correlations of all columns, which
+//! only the null distribution needs, are those of their sketches: rows with random signs summed into `SKETCH` places
+//! (Charikar, Chen & Farach-Colton 2004), by which a correlation ρ has a standard deviation of (1 − ρ²)/√`SKETCH`; a record
+//! that is no longer is exact. Memory is that of a few columns, the products and the sketches, and the work grows as the length.
 use std::borrow::Cow;
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use nalgebra::{DMatrix, DVector};
 use rand::{Rng, SeedableRng};
@@ -20,11 +21,10 @@ use rayon::prelude::*;
 
 use crate::catalogue::{Candidate, Search, Signature};
 use crate::description::{Delays, Term, sensors_of};
-use crate::least_squares::{solve, solve_seen};
+use crate::least_squares::{dot, solve, solve_seen};
 use crate::nominal::{Block, Model};
-use crate::state::Bench;
+use crate::state::{Bench, Described, Whitened};
 use crate::statistics::ln_chi_squared_tail;
-use crate::whiten::Filter;
 
 /// Rows that are multiplied at a time.
 const TILE_ROWS: usize = 1024;
@@ -201,24 +201,26 @@ impl Library {
             .filter_map(|index| {
                 let mut builder = Builder::new(bench, index, &delays, &signs)?;
                 // What acts on this block alone; what acts on several is made once for all.
-                let own: Vec<&Entry> = (entries.iter().zip(&blocks_of))
+                let (known, new): (Vec<&Entry>, Vec<&Entry>) = (entries.iter().zip(&blocks_of))
                     .filter_map(|(entry, blocks)| (*blocks == [index]).then_some(entry))
-                    .collect();
+                    .partition(|entry| builder.knows(entry));
+                builder.recall(&known);
                 let at_once = (BATCH * rayon::current_num_threads()).max(1);
-                for entries in batches(&own, at_once) {
-                    let signatures = entries.iter().map(|entry| signature(model, &delays, candidates, entry));
-                    builder.take(entries, candidates, &signatures.collect::<Vec<_>>());
+                for entries in batches(&new, at_once) {
+                    builder.take(entries, candidates, &signatures(model, &delays, candidates, entries));
                 }
                 Some(builder)
             })
             .collect();
-        let shared: Vec<&Entry> = (entries.iter().zip(&blocks_of))
+        let (known, new): (Vec<&Entry>, Vec<&Entry>) = (entries.iter().zip(&blocks_of))
             .filter_map(|(entry, blocks)| (blocks.len() > 1).then_some(entry))
-            .collect();
+            .partition(|entry| builders.iter().all(|builder| builder.knows(entry)));
+        for builder in &mut builders {
+            builder.recall(&known);
+        }
         let together = (SHARED_VALUES / (longest * model.blocks.len()).max(1)).clamp(2, 4 * BATCH);
-        for entries in shared.chunks(together) {
-            let signatures: Vec<Cow<'_, Signature>> =
-                entries.par_iter().map(|entry| signature(model, &delays, candidates, entry)).collect();
+        for entries in new.chunks(together) {
+            let signatures = signatures(model, &delays, candidates, entries);
             builders.par_iter_mut().for_each(|builder| builder.take(entries, candidates, &signatures));
         }
         let blocks = builders.into_iter().map(|builder| builder.finish(first)).collect();
@@ -372,24 +374,27 @@ impl NullDistribution {
     }
 }
 
-/// The signature of an entry, as late as the readings that it is in.
-fn signature<'c>(
+/// The signatures of entries, as late as the readings that they are in.
+fn signatures<'c>(
     model: &Model,
     delays: &Delays,
     candidates: &'c [Candidate],
-    entry: &Entry,
-) -> Cow<'c, Signature> {
-    let candidate = &candidates[entry.candidate];
-    let signature = match &candidate.search {
-        Search::Linear(signature) => Cow::Borrowed(signature),
-        Search::Grid { signature, .. } => Cow::Owned(signature(&entry.point)),
-        _ => Cow::Owned(Signature::default()),
+    entries: &[&Entry],
+) -> Vec<Cow<'c, Signature>> {
+    let of = |entry: &&Entry| {
+        let candidate = &candidates[entry.candidate];
+        let signature = match &candidate.search {
+            Search::Linear(signature) => Cow::Borrowed(signature),
+            Search::Grid { signature, .. } => Cow::Owned(signature(&entry.point)),
+            _ => Cow::Owned(Signature::default()),
+        };
+        if delays.is_empty() || !candidate.effect.is_of_the_motion() {
+            return signature;
+        }
+        let late = signature.columns.iter().map(|column| delays.late(model, true, column).into_owned());
+        Cow::Owned(Signature { columns: late.collect() })
     };
-    if delays.is_empty() || !candidate.effect.is_of_the_motion() {
-        return signature;
-    }
-    let late = signature.columns.iter().map(|column| delays.late(model, true, column).into_owned());
-    Cow::Owned(Signature { columns: late.collect() })
+    entries.par_iter().map(of).collect()
 }
 
 /// The blocks in which some of `sensors` are.
@@ -431,19 +436,57 @@ fn sketch(column: &[f32], signs: &[f32]) -> Vec<f32> {
     sketch
 }
 
-/// Products of each of the whitened columns of an entry with those up to itself.
-type OfEntry = Vec<Vec<f64>>;
-
-/// Columns of an entry that reach a block, by their places in the library.
+/// Columns of an entry that reach a block, by their places in the entry.
 type Reached<'s> = Vec<(usize, Cow<'s, [f64]>)>;
 
-/// Sums of products of the whitened columns of entries among themselves, by candidate and number of the point.
+/// Sums of products of the whitened columns of an entry that reach a block.
+#[derive(Clone, Debug, Default)]
+struct OfEntry {
+    /// The columns, by their places in the entry.
+    columns: Vec<usize>,
+    /// Products of each with those up to itself.
+    among: Vec<Vec<f64>>,
+    /// Products of each with what is described, by its place in [`Known::described`].
+    with: HashMap<usize, Vec<f64>>,
+}
+
+/// What is known of a block under given noises.
 #[derive(Debug, Default)]
-pub struct Products(Mutex<HashMap<(usize, usize), OfEntry>>);
+struct Known {
+    described: Vec<Described>,
+    /// By candidate and number of the point.
+    entries: HashMap<(usize, usize), OfEntry>,
+}
+
+/// Sums of products of whitened columns of entries among themselves and with what was described so far.
+#[derive(Debug, Default)]
+pub struct Products(Mutex<Known>);
 
 impl Products {
-    fn known(&self) -> MutexGuard<'_, HashMap<(usize, usize), OfEntry>> {
+    fn known(&self) -> MutexGuard<'_, Known> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Adds to what is known of entries, to which another search may have added meanwhile.
+    fn learn(&self, entries: &[&Entry], products: Vec<OfEntry>) {
+        let all = &mut self.known().entries;
+        for (entry, OfEntry { columns, among, with }) in entries.iter().zip(products) {
+            let known = all.entry((entry.candidate, entry.number)).or_default();
+            (known.columns, known.among) = (columns, among);
+            known.with.extend(with);
+        }
+    }
+
+    /// Places of what is described.
+    fn places(&self, described: Vec<Described>) -> Vec<usize> {
+        let all = &mut self.known().described;
+        let place = |one: Described| {
+            all.iter().position(|other| *other == one).unwrap_or_else(|| {
+                all.push(one);
+                all.len() - 1
+            })
+        };
+        described.into_iter().map(place).collect()
     }
 }
 
@@ -461,12 +504,13 @@ fn batches<'e, 'l>(entries: &'e [&'l Entry], columns: usize) -> impl Iterator<It
 /// Takes the columns of a block in, some entries after the others.
 struct Builder<'b> {
     block: &'b Block,
-    filter: &'b Filter,
+    whitened: &'b Whitened,
     signs: &'b [f32],
-    /// R⁻¹ of the data, and of the regressors.
-    data: Vec<f64>,
-    regressors: Vec<Vec<f64>>,
     products: Arc<Products>,
+    /// Places of the data and of the regressors among all that was described.
+    described: Vec<usize>,
+    /// R⁻¹ of the data, and of the regressors, where it was asked for.
+    adjoints: Vec<OnceLock<Vec<f64>>>,
     ids: Vec<usize>,
     scores: Vec<f64>,
     with_regressors: Vec<Vec<f64>>,
@@ -476,19 +520,18 @@ struct Builder<'b> {
 
 impl<'b> Builder<'b> {
     fn new(bench: &'b Bench<'_>, index: usize, delays: &Delays, signs: &'b [f32]) -> Option<Self> {
-        let model = bench.case.model;
-        let (block, whitened) = (&model.blocks[index], bench.blocks[index].as_ref()?);
-        let [data, regressors @ ..] = whitened.columns.as_slice() else { return None };
+        let block = &bench.case.model.blocks[index];
+        let whitened = &**bench.blocks[index].as_ref()?;
         let noises = block.sources.iter().map(|&source| bench.noises[source].clone()).collect();
         let key = (index, noises, delays.among(&block.sensors));
-        let filter = &*whitened.filter;
+        let products = bench.case.products.get_or(key, Arc::default);
         let mut builder = Self {
             block,
-            filter,
+            whitened,
             signs,
-            data: filter.adjoint(data),
-            regressors: regressors.par_iter().map(|column| filter.adjoint(column)).collect(),
-            products: bench.case.products.get_or(key, Arc::default),
+            described: products.places(bench.case.described(index, &bench.terms)),
+            adjoints: vec![OnceLock::new(); whitened.columns.len()],
+            products,
             ids: Vec::new(),
             scores: Vec::new(),
             with_regressors: Vec::new(),
@@ -496,37 +539,50 @@ impl<'b> Builder<'b> {
             sketches: Vec::new(),
         };
         // Not the places of `projected`, which may be those of an earlier description in which this block was the same.
-        for (place, column) in bench.places[index].iter().zip(&whitened.projected.columns) {
-            let (score, with_regressors) = builder.sums_of(column);
-            let whitened =
-                if signs.is_empty() { Vec::new() } else { filter.whiten_single(&[column]).concat() };
-            builder.push(*place, score, with_regressors, Vec::new(), sketch(&whitened, signs));
+        let regressors = bench.places[index].iter().zip(&whitened.projected.columns);
+        for (own, (place, column)) in regressors.enumerate() {
+            let with_regressors = whitened.sums.normal.row(own).iter().copied().collect();
+            let single =
+                if signs.is_empty() { Vec::new() } else { whitened.filter.whiten_single(&[column]).concat() };
+            let sketch = sketch(&single, signs);
+            builder.push(*place, whitened.sums.scores[own], with_regressors, Vec::new(), sketch);
         }
         Some(builder)
     }
 
-    /// Takes all products that are needed of entries with their signatures; these are whitened where they are not known.
+    /// Whether all that is needed of an entry is known.
+    fn knows(&self, entry: &Entry) -> bool {
+        let known = self.products.known();
+        let of_entry = known.entries.get(&(entry.candidate, entry.number));
+        let all = |of: &OfEntry| self.described.iter().all(|place| of.with.contains_key(place));
+        self.signs.is_empty() && of_entry.is_some_and(all)
+    }
+
+    /// Takes what is known of entries.
+    fn recall(&mut self, entries: &[&Entry]) {
+        self.take_known(entries, Vec::new());
+    }
+
+    /// Takes entries with their signatures, which are whitened and multiplied where that was not done before.
     fn take(&mut self, entries: &[&Entry], candidates: &[Candidate], signatures: &[Cow<'_, Signature>]) {
         let block = self.block;
         let reached: Vec<Reached<'_>> = (entries.iter().zip(signatures))
             .map(|(entry, signature)| {
                 let port = candidates[entry.candidate].port;
                 let columns = signature.columns.iter().enumerate().take(entry.columns);
-                columns
-                    .filter_map(|(i, column)| Some((entry.first + i, block.project(column, port)?)))
-                    .collect()
+                columns.filter_map(|(place, column)| Some((place, block.project(column, port)?))).collect()
             })
             .collect();
         let known: Vec<Option<OfEntry>> = {
             let all = self.products.known();
-            entries.iter().map(|entry| all.get(&(entry.candidate, entry.number)).cloned()).collect()
+            entries.iter().map(|entry| all.entries.get(&(entry.candidate, entry.number)).cloned()).collect()
         };
         let asked = |known: &Option<OfEntry>| known.is_none() || !self.signs.is_empty();
         let unknown: Vec<&[f64]> = (reached.iter().zip(&known).filter(|(_, known)| asked(known)))
             .flat_map(|(columns, _)| columns.iter().map(|(_, values)| values.as_ref()))
             .collect();
         let mut whitened = (unknown.par_chunks(BATCH))
-            .flat_map_iter(|batch| self.filter.whiten_single(batch))
+            .flat_map_iter(|batch| self.whitened.filter.whiten_single(batch))
             .collect::<Vec<Vec<f32>>>()
             .into_iter();
         let own: Vec<Vec<Vec<f32>>> = (reached.iter().zip(&known))
@@ -535,33 +591,50 @@ impl<'b> Builder<'b> {
                 whitened.by_ref().take(number).collect()
             })
             .collect();
-        let reduced: Vec<_> = ((&reached, known, own).into_par_iter())
-            .map(|(columns, known, own)| {
-                let sums: Vec<_> = columns.iter().map(|(_, values)| self.sums_of(values)).collect();
-                let of = |place: usize| -> Vec<f64> {
-                    own[..=place].iter().map(|other| tiled_dot(&own[place], other)).collect()
-                };
-                let products = known.unwrap_or_else(|| (0..own.len()).map(of).collect());
-                let sketches: Vec<_> = own.iter().map(|column| sketch(column, self.signs)).collect();
-                (sums, products, sketches)
-            })
-            .collect();
-        let products_of = Arc::clone(&self.products);
-        for ((entry, columns), (sums, products, mut sketches)) in entries.iter().zip(&reached).zip(reduced) {
-            sketches.resize(columns.len(), Vec::new());
-            for ((((column, _), (score, with_regressors)), with_entry), sketch) in
-                columns.iter().zip(sums).zip(&products).zip(sketches)
-            {
-                self.push(*column, score, with_regressors, with_entry.clone(), sketch);
+        let (products, sketches): (Vec<OfEntry>, Vec<Vec<Vec<f32>>>) = ((&reached, known, own)
+            .into_par_iter())
+        .map(|(columns, known, own)| {
+            let of = |place: usize| -> Vec<f64> {
+                own[..=place].iter().map(|other| tiled_dot(&own[place], other)).collect()
+            };
+            let mut products = known.unwrap_or_else(|| OfEntry {
+                columns: columns.iter().map(|(place, _)| *place).collect(),
+                among: (0..own.len()).map(of).collect(),
+                with: HashMap::new(),
+            });
+            for (number, place) in self.described.iter().enumerate() {
+                let with = || columns.iter().map(|(_, values)| dot(values, self.adjoint(number))).collect();
+                products.with.entry(*place).or_insert_with(with);
             }
-            products_of.known().insert((entry.candidate, entry.number), products);
+            (products, own.iter().map(|column| sketch(column, self.signs)).collect())
+        })
+        .unzip();
+        self.products.learn(entries, products);
+        self.take_known(entries, sketches);
+    }
+
+    /// Takes entries whose products are known, with the sketches of their columns, if there are any.
+    fn take_known(&mut self, entries: &[&Entry], sketches: Vec<Vec<Vec<f32>>>) {
+        let products = Arc::clone(&self.products);
+        let known = products.known();
+        let mut sketches = sketches.into_iter();
+        for entry in entries {
+            let mut sketches = sketches.next().unwrap_or_default().into_iter();
+            let Some(of_entry) = known.entries.get(&(entry.candidate, entry.number)) else { continue };
+            for (own, (place, among)) in of_entry.columns.iter().zip(&of_entry.among).enumerate() {
+                let mut with = self.described.iter().map(|place| of_entry.with[place][own]);
+                let score = with.next().unwrap_or_default();
+                let with = with.collect();
+                let sketch = sketches.next().unwrap_or_default();
+                self.push(entry.first + place, score, with, among.clone(), sketch);
+            }
         }
     }
 
-    /// Score of a column and its products with the regressors, of the whitened ones.
-    fn sums_of(&self, column: &[f64]) -> (f64, Vec<f64>) {
-        let with_regressors = self.regressors.iter().map(|other| crate::least_squares::dot(column, other));
-        (crate::least_squares::dot(column, &self.data), with_regressors.collect())
+    /// R⁻¹ of the data, which come first, or of a regressor.
+    fn adjoint(&self, number: usize) -> &[f64] {
+        let compute = || self.whitened.filter.adjoint(&self.whitened.columns[number]);
+        self.adjoints[number].get_or_init(compute)
     }
 
     fn push(
@@ -648,11 +721,11 @@ fn normal_matrix(columns: &[Vec<f32>]) -> DMatrix<f64> {
 
 /// Sum of products, in single precision within a tile.
 fn tiled_dot(a: &[f32], b: &[f32]) -> f64 {
-    a.chunks(TILE_ROWS).zip(b.chunks(TILE_ROWS)).map(|(a, b)| f64::from(dot(a, b))).sum()
+    a.chunks(TILE_ROWS).zip(b.chunks(TILE_ROWS)).map(|(a, b)| f64::from(dot_single(a, b))).sum()
 }
 
 /// Sum of products over a tile.
-fn dot(a: &[f32], b: &[f32]) -> f32 {
+fn dot_single(a: &[f32], b: &[f32]) -> f32 {
     const LANES: usize = 16;
     let mut sums = [0.0_f32; LANES];
     let (a_lanes, b_lanes) = (a.chunks_exact(LANES), b.chunks_exact(LANES));

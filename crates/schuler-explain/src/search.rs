@@ -7,12 +7,13 @@
 use rayon::prelude::*;
 
 use crate::catalogue::{Candidate, NoiseChange, OnsetShape, Search, Target};
-use crate::description::Term;
+use crate::description::{Term, blocks_of};
 use crate::library::{Library, NullDistribution};
 use crate::minimise::{golden, simplex};
 use crate::noise_change::{ChangeFit, PromisedStart, View};
 use crate::scan::{Scan, Scanner};
-use crate::state::{Bench, State};
+use crate::select::touches;
+use crate::state::{Bench, Key, State};
 use crate::statistics::ln_chi_squared_tail;
 
 /// Shares of the level: linear and grid candidates, onsets, frequencies, noise, readings.
@@ -83,6 +84,17 @@ pub struct Promise {
     ln_places: f64,
     /// Whether it was evaluated exactly.
     evaluated: bool,
+}
+
+/// Where a promise led.
+#[derive(Clone, Debug)]
+pub struct Refined {
+    /// Its parameters.
+    point: Vec<f64>,
+    /// Gain in log-likelihood.
+    gain: f64,
+    /// Degrees of freedom.
+    freedom: usize,
 }
 
 /// −ln p of a gain.
@@ -274,6 +286,26 @@ impl Bench<'_> {
     /// Evaluates a promise exactly and refines its parameters.
     fn refine(&self, promise: &Promise, refined: f64) -> Option<Proposal> {
         let candidate = &self.case.candidates[promise.candidate];
+        let key = (promise.candidate, promise.starts.clone(), refined, self.keys_beside(promise.candidate));
+        let found = self.case.refined.get_or(key, || self.refine_from(promise, refined));
+        let Refined { point, gain, freedom } = found?;
+        let term = Term::new(promise.candidate, candidate, &point, self.case.time_s);
+        let evidence = evidence(gain, freedom, promise.ln_places);
+        Some(Proposal { term, gain, freedom, ln_places: promise.ln_places, evidence })
+    }
+
+    /// What the gain of a candidate depends on: the blocks that it reaches, or all where terms tie the amplitudes of
+    /// several together.
+    fn keys_beside(&self, candidate: usize) -> Vec<Key> {
+        let (case, model) = (self.case, self.case.model);
+        let ties = |term: &Term| blocks_of(model, std::slice::from_ref(term)).len() > 1;
+        let all = self.terms.iter().any(ties);
+        let reached = |&block: &usize| all || touches(case, candidate, &[block]);
+        (0..model.blocks.len()).filter(reached).map(|block| self.key(block)).collect()
+    }
+
+    fn refine_from(&self, promise: &Promise, refined: f64) -> Option<Refined> {
+        let candidate = &self.case.candidates[promise.candidate];
         let term_at = |point: &[f64]| Term::new(promise.candidate, candidate, point, self.case.time_s);
         let gain_at = |point: &[f64]| self.gain_of(&term_at(point)).0;
         let mut best: Option<(Vec<f64>, f64)> = None;
@@ -303,10 +335,8 @@ impl Bench<'_> {
             }
         }
         let (point, gain) = best?;
-        let term = term_at(&point);
-        let (_, freedom) = self.gain_of(&term);
-        let evidence = evidence(gain, freedom, promise.ln_places);
-        Some(Proposal { term, gain, freedom, ln_places: promise.ln_places, evidence })
+        let (_, freedom) = self.gain_of(&term_at(&point));
+        Some(Refined { point, gain, freedom })
     }
 
     /// What each `wanted` change of the noise of a source of the given blocks would gain, best first, without those that

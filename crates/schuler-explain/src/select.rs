@@ -500,22 +500,27 @@ fn choose(
         consider(-fit.ln_p, Move::Noise(*candidate, Box::new(fit.clone())));
     }
     // Both: per block, terms beside the best change of its noise.
-    for (index, block) in case.model.blocks.iter().enumerate() {
-        let own = noises.iter().find(|(_, fit)| block.sources.contains(&fit.source));
-        let Some((candidate, fit)) = own.filter(|(_, fit)| -fit.ln_p > NOISE_WORTH_TRYING) else { continue };
+    let leading: Vec<(usize, usize, &ChangeFit)> = (case.model.blocks.iter().enumerate())
+        .filter_map(|(index, block)| {
+            let own = noises.iter().find(|(_, fit)| block.sources.contains(&fit.source));
+            let (candidate, fit) = own.filter(|(_, fit)| -fit.ln_p > NOISE_WORTH_TRYING)?;
+            Some((index, *candidate, fit))
+        })
+        .collect();
+    let beside_noise = |(index, candidate, fit): (usize, usize, &ChangeFit)| {
         let mut noisy = state.clone();
-        add_change(&mut noisy, *candidate, fit.clone());
+        add_change(&mut noisy, candidate, fit.clone());
         let (noisy, noisy_bench) = refitted(case, &noisy, Some(&[index]));
         let touched = |candidate: usize| touches(case, candidate, &[index]);
         let beside = deterministic(&noisy_bench, &library(&noisy_bench, false, &touched), family, &touched);
-        let under_nominal = proposals.iter().filter(|proposal| touched(proposal.term.candidate));
-        let mut tried: Vec<&Proposal> = Vec::new();
-        for proposal in beside.iter().take(TRIED_TOGETHER).chain(under_nominal.take(TRIED_TOGETHER)) {
+        let under_nominal = proposals.iter().filter(|proposal| touched(proposal.term.candidate)).cloned();
+        let mut tried: Vec<Proposal> = Vec::new();
+        for proposal in beside.into_iter().take(TRIED_TOGETHER).chain(under_nominal.take(TRIED_TOGETHER)) {
             if tried.iter().all(|other| other.term.candidate != proposal.term.candidate) {
                 tried.push(proposal);
             }
         }
-        for proposal in tried {
+        let judged = tried.into_par_iter().map(|proposal| {
             let mut both = noisy.clone();
             both.terms.push(proposal.term.clone());
             let (both, _) = refitted(case, &both, Some(&[index]));
@@ -525,15 +530,19 @@ fn choose(
             let of_noise = joint - alone;
             let term_evidence = evidence(of_term, proposal.freedom, proposal.ln_places);
             let noise_evidence = (-ln_chi_squared_tail(2.0 * of_noise, fit.freedom) - fit.ln_places).max(0.0);
-            let significant = ln_p_of(proposal, term_evidence) <= ln_level
-                && family.ln_p(&case.candidates[*candidate], noise_evidence) <= ln_level;
-            if significant {
+            let significant = ln_p_of(&proposal, term_evidence) <= ln_level
+                && family.ln_p(&case.candidates[candidate], noise_evidence) <= ln_level;
+            significant.then(|| {
                 let score = joint - (of_term - term_evidence) - (of_noise - noise_evidence);
-                let mut fit = fit.clone();
-                fit.noises.clone_from(&both.noises);
-                consider(score, Move::Both(Box::new(proposal.clone()), *candidate, Box::new(fit)));
-            }
-        }
+                let fit = ChangeFit { noises: both.noises, ..fit.clone() };
+                (score, Move::Both(Box::new(proposal), candidate, Box::new(fit)))
+            })
+        });
+        judged.collect::<Vec<_>>()
+    };
+    let both: Vec<Vec<_>> = leading.into_par_iter().map(beside_noise).collect();
+    for (score, way) in both.into_iter().flatten().flatten() {
+        consider(score, way);
     }
     best.map(|(_, way)| way)
 }

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use crate::catalogue::{Candidate, NoiseChange, Search};
+use crate::catalogue::{Candidate, NoiseChange, Port, Search};
 use crate::description::{
     Delays, Filters, Projected, Sums, Term, evaluate, places, project, solve_or_none, take_off,
 };
@@ -18,6 +18,7 @@ use crate::noise::{Knob, Noise};
 use crate::noise_change::{ChangeFit, PromisedStart};
 use crate::noise_fit::{NoiseFit, SourceKnob, polish};
 use crate::nominal::Model;
+use crate::search::Refined;
 use crate::spectrum::Spectrum;
 use crate::watch::Watch;
 use crate::whiten::Filter;
@@ -47,7 +48,9 @@ pub struct Case<'c> {
     pub(crate) sigmas: Memo<(Key, Vec<SourceKnob>), DVector<f64>>,
     /// Histories of the jumps of a sensor.
     pub(crate) jumps: Memo<(Key, usize), Option<Decoded>>,
-    /// Sums of squares and products of whitened signatures, which do not depend on what is described.
+    /// Where promises of candidates led.
+    pub(crate) refined: Memo<Sought, Option<Refined>>,
+    /// Sums of products of whitened signatures, which depend on the noises and the delays of a block alone.
     pub(crate) products: Memo<(usize, Vec<Noise>, Delays), Arc<Products>>,
 }
 
@@ -79,12 +82,29 @@ impl<K: PartialEq, V: Clone> Memo<K, V> {
     }
 }
 
+/// What tells a term from all others: its candidate, its parameters, and a mark of the readings that it was made from.
+type Name = (usize, Vec<f64>, u64);
+
 /// What a whitened block depends on: its place, its noises, and the terms that reach it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Key {
     block: usize,
     noises: Vec<Noise>,
-    terms: Vec<(usize, Vec<f64>, u64)>,
+    terms: Vec<Name>,
+}
+
+/// A candidate, the points from which its parameters are refined, how finely, and what its gain depends on.
+type Sought = (usize, Vec<Vec<f64>>, f64, Vec<Key>);
+
+/// What a block's signatures are multiplied with.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Described {
+    /// The data less the terms of unit amplitude.
+    Data(Vec<Name>),
+    /// A constant, by its place among the model's.
+    Constant(usize),
+    /// A column of a term, by its place among the term's.
+    Column(Name, usize),
 }
 
 impl<'c> Case<'c> {
@@ -106,6 +126,7 @@ impl<'c> Case<'c> {
             changes: Memo::new(),
             sigmas: Memo::new(),
             jumps: Memo::new(),
+            refined: Memo::new(),
             products: Memo::new(),
         }
     }
@@ -130,12 +151,38 @@ impl<'c> Case<'c> {
     fn key(&self, index: usize, terms: &[Term], noises: &[Noise]) -> Key {
         let block = &self.model.blocks[index];
         let reaches = |term: &&Term| term.columns.iter().any(|c| block.is_reached(c, term.port));
-        let known = |term: &Term| (term.candidate, term.nonlinear.clone(), self.mark(term));
         Key {
             block: index,
             noises: block.sources.iter().map(|&source| noises[source].clone()).collect(),
-            terms: terms.iter().filter(reaches).map(known).collect(),
+            terms: terms.iter().filter(reaches).map(|term| self.name(term)).collect(),
         }
+    }
+
+    fn name(&self, term: &Term) -> Name {
+        (term.candidate, term.nonlinear.clone(), self.mark(term))
+    }
+
+    /// The data of a block and its regressors, in the order of its whitened columns.
+    pub(crate) fn described(&self, index: usize, terms: &[Term]) -> Vec<Described> {
+        let block = &self.model.blocks[index];
+        let reached = |term: &Term| -> Vec<usize> {
+            let columns = term.columns.iter().enumerate();
+            columns
+                .filter(|(_, column)| block.is_reached(column, term.port))
+                .map(|(place, _)| place)
+                .collect()
+        };
+        let (taken_off, fitted): (Vec<&Term>, Vec<&Term>) =
+            (terms.iter()).filter(|term| !reached(term).is_empty()).partition(|term| term.unit_amplitude);
+        let data = Described::Data(taken_off.into_iter().map(|term| self.name(term)).collect());
+        let constants = (self.model.constants.iter().enumerate())
+            .filter(|(_, column)| block.is_reached(column, Port::Output))
+            .map(|(place, _)| Described::Constant(place));
+        let columns = fitted.into_iter().flat_map(|term| {
+            let name = self.name(term);
+            reached(term).into_iter().map(move |place| Described::Column(name.clone(), place))
+        });
+        std::iter::once(data).chain(constants).chain(columns).collect()
     }
 
     /// A block whitened; `None` where its noises are singular.

@@ -45,8 +45,9 @@ pub(super) const TIME_DELAY: Effect = Effect {
         let signature = |time_s: &[f64], input: &[f64], delay_s: f64| -> Vec<f64> {
             let late = delayed(time_s, input, delay_s);
             let beyond = straight_on(time_s, input, delay_s);
-            let late = late.zip(beyond).map(|(late, beyond)| late.unwrap_or(beyond));
-            late.zip(input).map(|(late, now)| late - now).collect()
+            (late.zip(time_s).zip(input))
+                .map(|((late, &time), now)| late.unwrap_or_else(|| beyond(time)) - now)
+                .collect()
         };
         let mut found = whole(effect, inputs, delay, signature);
         found.extend(inputs.places.iter().filter_map(|place| {
@@ -245,18 +246,14 @@ fn shared(
 /// The input straight on from the end of the record at which t − d lies beyond it, by a step's slope and no further than
 /// [`STRAIGHT_ON_STEPS`]: there to say that nothing is late would leave the whole of what the delay does as an error at
 /// the edge, which drifts and steps then explain.
-fn straight_on(time_s: &[f64], input: &[f64], delay_s: f64) -> impl Iterator<Item = f64> {
+fn straight_on(time_s: &[f64], input: &[f64], delay_s: f64) -> impl Fn(f64) -> f64 {
     let end = if delay_s < 0.0 { time_s.len().saturating_sub(2) } else { 0 };
     let at = |values: &[f64], row: usize| values.get(row).copied().unwrap_or_default();
     let (from, value) = (at(time_s, end), at(input, end));
     let step_s = at(time_s, end + 1) - from;
     let slope = if step_s > 0.0 { (at(input, end + 1) - value) / step_s } else { 0.0 };
     let (most, last) = (STRAIGHT_ON_STEPS * step_s, if delay_s < 0.0 { step_s } else { 0.0 });
-    time_s
-        .iter()
-        .map(move |time| value + slope * (time - delay_s - from).clamp(last - most, last + most))
-        .collect::<Vec<f64>>()
-        .into_iter()
+    move |time| value + slope * (time - delay_s - from).clamp(last - most, last + most)
 }
 
 /// The body's rate over the Earth: less the Earth's own where the attitude is known.

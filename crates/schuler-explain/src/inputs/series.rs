@@ -102,7 +102,8 @@ pub fn lagged(time_s: &[f64], values: &[f64], tau_s: f64) -> Vec<f64> {
         .zip(values)
         .map(|(&time, &value)| {
             weights.renew(time - before_s, tau_s);
-            state = weights.decay * state + weights.before * before + weights.now * value;
+            // A row waits for the one before in a single product and sum.
+            state = weights.decay * state + (weights.before * before + weights.now * value);
             (before_s, before) = (time, value);
             state
         })
@@ -165,7 +166,8 @@ pub fn lagged_smooth(time_s: &[f64], values: &[f64], tau_s: f64) -> Vec<f64> {
         // Particular solution u − τ u' + τ² u'' − τ³ u''' at either end; the rest decays.
         let particular = |u: f64, d: f64, second: f64| u - tau_s * (d - tau_s * (second - tau_s * third));
         weights.renew(h, tau_s);
-        state = particular(u1, d1, second1) + (state - particular(u0, d0, second0)) * weights.decay;
+        let driven = particular(u1, d1, second1) - weights.decay * particular(u0, d0, second0);
+        state = weights.decay * state + driven;
         output.push(state);
     }
     output
@@ -202,8 +204,8 @@ fn even_step(time_s: &[f64]) -> Option<f64> {
 
 /// A delay on an even grid: the same weights in every row.
 struct EvenDelay {
-    /// Rows back to the row before the wanted time, and the part of a step from there.
-    back: f64,
+    /// Rows from a row to the one before the wanted time, and the part of a step from there.
+    rows: isize,
     part: f64,
     /// Lagrange's weights of the two rows on either side.
     weights: [f64; 4],
@@ -219,15 +221,11 @@ impl EvenDelay {
         let x = back - steps;
         let (x1, x2, x3) = (x + 1.0, x - 1.0, x - 2.0);
         let weights = [-x2 * x3 * x / 6.0, x2 * x3 * x1 / 2.0, -x1 * x * x3 / 2.0, x1 * x * x2 / 6.0];
-        Self { back, part: x, weights }
+        Self { rows: -back as isize, part: x, weights }
     }
 
     fn at(&self, values: &[f64], row: usize) -> Option<f64> {
-        let place = row as f64 - self.back;
-        if place < 0.0 {
-            return None;
-        }
-        let place = place as usize;
+        let place = row.checked_add_signed(self.rows)?;
         if let Some(around) = place.checked_sub(1).and_then(|first| values.get(first..place + 3)) {
             let [w0, w1, w2, w3] = self.weights;
             return Some(w0 * around[0] + w1 * around[1] + w2 * around[2] + w3 * around[3]);
