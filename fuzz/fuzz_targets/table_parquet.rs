@@ -6,7 +6,7 @@ use cap::Cap;
 use libfuzzer_sys::fuzz_target;
 
 #[global_allocator]
-static MEMORY: Cap<System> = Cap::new(System, schuler_fuzz::table::PARQUET_MEMORY);
+static MEMORY: Cap<System> = Cap::new(System, schuler_fuzz::MEMORY);
 
 fuzz_target!(init: {
         schuler_fuzz::table::expect_panics_of_the_decoder();

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use parquet::basic::{BrotliLevel, Compression, GzipLevel, ZstdLevel};
 use parquet::data_type::{BoolType, ByteArray, ByteArrayType, DoubleType, FloatType, Int64Type};
-use parquet::file::properties::WriterProperties;
+use parquet::file::properties::{WriterProperties, WriterVersion};
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
 use schuler_recording::{Recording, table};
@@ -22,9 +22,10 @@ const SCHEMA: &str = "message table {
 }";
 
 /// Rows at 10 Hz in two groups; every 100th gyro reading and every 7th temperature is null.
-fn write(path: &Path, compression: Compression) {
+fn write(path: &Path, version: WriterVersion, compression: Compression) {
     let schema = Arc::new(parse_message_type(SCHEMA).unwrap());
-    let properties = Arc::new(WriterProperties::builder().set_compression(compression).build());
+    let properties = WriterProperties::builder().set_writer_version(version).set_compression(compression);
+    let properties = Arc::new(properties.build());
     let mut writer = SerializedFileWriter::new(File::create(path).unwrap(), schema, properties).unwrap();
     for rows in [0..ROWS / 4, ROWS / 4..ROWS] {
         let mut group = writer.next_row_group().unwrap();
@@ -126,15 +127,19 @@ fn a_case_reads_the_same_from_csv_and_from_parquet() {
     let from_csv = Recording::read(&csv).unwrap();
     assert_eq!(from_csv.len(), ROWS);
 
-    for compression in [
+    let versions = [WriterVersion::PARQUET_1_0, WriterVersion::PARQUET_2_0];
+    let compressions = [
         Compression::UNCOMPRESSED,
         Compression::SNAPPY,
         Compression::GZIP(GzipLevel::default()),
         Compression::ZSTD(ZstdLevel::default()),
         Compression::LZ4_RAW,
         Compression::BROTLI(BrotliLevel::default()),
-    ] {
-        write(&directory.path().join("table.parquet"), compression);
+    ];
+    for (version, compression) in
+        versions.into_iter().flat_map(|version| compressions.iter().map(move |&it| (version, it)))
+    {
+        write(&directory.path().join("table.parquet"), version, compression);
         let path = directory.path().join("parquet.toml");
         std::fs::write(&path, case("table.parquet", "gyro")).unwrap();
         let from_parquet = Recording::read(&path).unwrap();
@@ -154,7 +159,7 @@ fn a_case_reads_the_same_from_csv_and_from_parquet() {
 #[test]
 fn what_is_not_a_number_is_named() {
     let directory = tempfile::tempdir().unwrap();
-    write(&directory.path().join("table.parquet"), Compression::SNAPPY);
+    write(&directory.path().join("table.parquet"), WriterVersion::PARQUET_1_0, Compression::SNAPPY);
     let path = directory.path().join("case.toml");
     std::fs::write(&path, case("table.parquet", "remark")).unwrap();
     let message = Recording::read(&path).unwrap_err().to_string();
@@ -168,7 +173,7 @@ fn what_is_not_a_number_is_named() {
 fn a_damaged_file_is_an_error_wherever_the_damage_is() {
     let directory = tempfile::tempdir().unwrap();
     let good = directory.path().join("good.parquet");
-    write(&good, Compression::SNAPPY);
+    write(&good, WriterVersion::PARQUET_1_0, Compression::SNAPPY);
     let bytes = std::fs::read(&good).unwrap();
     let damaged = directory.path().join("damaged.parquet");
     for length in [4, 5, 100, bytes.len() / 2, bytes.len() - 1] {

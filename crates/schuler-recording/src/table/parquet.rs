@@ -1,26 +1,34 @@
 //! Tables in Parquet files: flat columns of numbers; null = missing. A column of time stamps is read in seconds.
+mod pages;
+mod thrift;
+
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use parquet::basic::{ConvertedType, LogicalType, Repetition, TimeUnit, Type as Physical};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::DataType;
 use parquet::errors::ParquetError;
-use parquet::file::reader::{ChunkReader, FileReader, SerializedFileReader};
+use parquet::file::metadata::{ParquetMetaData, ParquetMetaDataReader};
+use parquet::file::reader::ChunkReader;
 use parquet::schema::types::ColumnDescriptor;
 
 use super::seconds::seconds;
-use super::{CHUNK_ROWS, Chunks, Columns, TableReader, guarded};
+use super::{CHUNK_ROWS, Chunks, Columns, PARQUET_MAGIC, TableReader, guarded};
 use crate::error::{Error, Problem};
 
 /// Key under which Arrow keeps a schema of its own, which is not that of a copy.
 const ARROW_SCHEMA: &str = "ARROW:schema";
+/// Bytes at the end of a file: the length of the metadata before them, and the format's name.
+const TAIL_BYTES: u64 = 8;
 
 /// A Parquet file of which the schema has been read.
 pub(super) struct ParquetTable<R: ChunkReader> {
     path: PathBuf,
     names: Vec<String>,
     metadata: Vec<(String, String)>,
-    reader: SerializedFileReader<R>,
+    file: Arc<R>,
+    contents: ParquetMetaData,
 }
 
 impl<R: ChunkReader + 'static> ParquetTable<R> {
@@ -29,23 +37,33 @@ impl<R: ChunkReader + 'static> ParquetTable<R> {
     /// # Errors
     /// A file that cannot be read or has no columns.
     pub(super) fn new(path: &Path, file: R) -> Result<Self, Error> {
-        let reader =
-            guarded(path, || SerializedFileReader::new(file).map_err(|error| unreadable(path, "", &error)))?;
-        let schema = reader.metadata().file_metadata().schema_descr();
+        let contents = guarded(path, || contents(&file).map_err(|error| unreadable(path, "", &error)))?;
+        let schema = contents.file_metadata().schema_descr();
         let names: Vec<String> = schema.columns().iter().map(|column| column.path().string()).collect();
         if names.is_empty() {
             return Err(Error::one(path, Problem::new(None, "", "found no columns; expected at least one")));
         }
-        let metadata = (reader.metadata().file_metadata().key_value_metadata().into_iter().flatten())
+        let metadata = (contents.file_metadata().key_value_metadata().into_iter().flatten())
             .filter(|pair| pair.key != ARROW_SCHEMA)
             .map(|pair| (pair.key.clone(), pair.value.clone().unwrap_or_default()))
             .collect();
-        Ok(Self { path: path.to_owned(), names, metadata, reader })
+        Ok(Self { path: path.to_owned(), names, metadata, file: Arc::new(file), contents })
     }
+}
 
-    fn open_column(&self, group: usize, column: usize) -> Result<ColumnReader, ParquetError> {
-        self.reader.get_row_group(group)?.get_column_reader(column)
+/// What stands at the end of a file, gone through before it is decoded.
+fn contents<R: ChunkReader>(file: &R) -> Result<ParquetMetaData, ParquetError> {
+    if let Some(begin) = file.len().checked_sub(TAIL_BYTES) {
+        let tail = file.get_bytes(begin, TAIL_BYTES as usize)?;
+        // What is not there, encrypted or not of this format, the decoder says.
+        if let (true, Some(&length)) = (tail.ends_with(PARQUET_MAGIC), tail.first_chunk()) {
+            let length = u32::from_le_bytes(length);
+            if let Some(begin) = begin.checked_sub(length.into()) {
+                thrift::check_file(&file.get_bytes(begin, length as usize)?)?;
+            }
+        }
     }
+    ParquetMetaDataReader::new().parse_and_finish(file)
 }
 
 impl<R: ChunkReader + 'static> TableReader for ParquetTable<R> {
@@ -58,7 +76,7 @@ impl<R: ChunkReader + 'static> TableReader for ParquetTable<R> {
     }
 
     fn chunks(self: Box<Self>, wanted: &[usize]) -> Result<Chunks, Error> {
-        let schema = self.reader.metadata().file_metadata().schema_descr();
+        let schema = self.contents.file_metadata().schema_descr();
         let columns = (wanted.iter())
             .map(|&index| {
                 let name = self.names.get(index).cloned().unwrap_or_default();
@@ -119,14 +137,14 @@ impl<R: ChunkReader + 'static> Iterator for ParquetRows<R> {
 impl<R: ChunkReader + 'static> ParquetRows<R> {
     fn chunk(&mut self) -> Result<Option<Columns>, Error> {
         while self.left == 0 {
-            if self.group == self.table.reader.num_row_groups() {
+            let contents = &self.table.contents;
+            if self.group == contents.num_row_groups() {
                 return Ok(None);
             }
-            let metadata = self.table.reader.metadata();
-            self.left = usize::try_from(metadata.row_group(self.group).num_rows()).unwrap_or_default();
+            self.left = usize::try_from(contents.row_group(self.group).num_rows()).unwrap_or_default();
             self.readers = (self.columns.iter())
                 .map(|column| {
-                    let opened = self.table.open_column(self.group, column.index);
+                    let opened = pages::column_reader(&self.table.file, contents, self.group, column.index);
                     opened.map_err(|error| unreadable(&self.table.path, &column.name, &error))
                 })
                 .collect::<Result<_, _>>()?;
