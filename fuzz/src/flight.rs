@@ -112,21 +112,26 @@ thread_local! {
     static MODULE: RefCell<Box<FlightModule>> = RefCell::new(Box::new(FlightModule::new()));
 }
 
+/// Works on a module that is made once a thread, and is as the last input left it.
+pub(crate) fn on_a_module<R>(work: impl FnOnce(&mut FlightModule) -> R) -> R {
+    MODULE.with_borrow_mut(|module| work(module))
+}
+
 /// A whole flight: steps of any readings at any time, and stretches of ordinary ones in between.
 pub fn flight(data: &[u8]) {
     STARTED.with(|all| fly(&mut Unstructured::new(data), all, FLIGHT_STEPS));
 }
 
-/// A stretch of a flight, the same in a tenth of a millisecond.
+/// A stretch of a flight: the same for a few steps, from modules in flight as well.
 pub fn step(data: &[u8]) {
     IN_FLIGHT.with(|all| fly(&mut Unstructured::new(data), all, STRETCH_STEPS));
 }
 
 fn fly(source: &mut Unstructured<'_>, starts: &[Box<FlightModule>], most_steps: u64) {
     let chosen = source.arbitrary::<u8>().unwrap_or_default();
-    MODULE.with_borrow_mut(|module| {
+    on_a_module(|module| {
         if let Some(start) = starts.get(usize::from(chosen) % starts.len()) {
-            (**module).clone_from(start);
+            module.clone_from(start);
         }
         // Bytes that end too early end the flight.
         let _ = go_on(source, module, most_steps);
@@ -179,8 +184,8 @@ pub(crate) fn ordinary(time_ms: u64, random: u32) -> StepInput {
 /// Any configuration: refused, or it flies without a panic. Whether its outputs are finite depends on its numbers.
 pub fn configuration(data: &[u8]) {
     let Ok((config, _)) = postcard::take_from_bytes::<ModuleConfig>(data) else { return };
-    MODULE.with_borrow_mut(|module| {
-        **module = FlightModule::new();
+    on_a_module(|module| {
+        *module = FlightModule::new();
         if module.configure(&config).is_err() {
             return;
         }

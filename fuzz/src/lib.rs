@@ -12,7 +12,7 @@
 //! | [`compensation::block`] | a block, or its content under a sound checksum | refused, or corrections finite and within limits |
 //! | [`case::case`] | a case file | an error by line, or a case that is written and read back the same |
 //! | [`table::text`] | CSV or gzipped CSV | an error, or columns of one length of finite numbers and NaN |
-//! | [`table::parquet`] | a Parquet file | the same |
+//! | [`table::parquet`] | a Parquet file | the same, chunk by chunk, up to so many rows |
 //! | [`table::ulog`] | a ULog file | the same, and the rows of a topic by themselves as beside others |
 //! | [`table::mcap`] | an MCAP file, or messages in a sound one | the same |
 //! | [`recording::recording`] | a table under a fixed case | an error, or times that increase and series of one length |
@@ -35,7 +35,7 @@ pub mod source;
 pub mod state;
 pub mod table;
 
-/// Memory that a target may use, bytes; Parquet has a bound of its own.
+/// Memory that a target may use, bytes.
 pub const MEMORY: usize = 512 << 20;
 
 /// One target.

@@ -1,5 +1,5 @@
 //! Bytes from a line.
-use std::cell::{Cell, RefCell};
+use std::cell::Cell;
 
 use arbitrary::{Result, Unstructured};
 use schuler_core::module::{FlightModule, StateLoader};
@@ -11,7 +11,7 @@ use schuler_link::message::{
 };
 use serde::de::DeserializeOwned;
 
-use crate::flight::{check_output, started};
+use crate::flight::{check_output, on_a_module, started};
 use crate::source;
 use crate::state::{SHORT, save};
 
@@ -123,16 +123,13 @@ fn loading(state: &[u8]) -> Vec<HostMessage> {
 
 thread_local! {
     static SCENES: Vec<Scene> = scenes();
-    static MODULE: RefCell<Box<FlightModule>> = RefCell::new(Box::new(FlightModule::new()));
 }
 
 /// What comes to the module's side: commands, repetitions, noise, and a clock that does what it likes.
 pub fn conversation(data: &[u8]) {
     SCENES.with(|scenes| {
-        MODULE.with_borrow_mut(|module| {
-            // Bytes that end too early end the conversation.
-            let _ = converse(&mut Unstructured::new(data), scenes, module);
-        });
+        // Bytes that end too early end the conversation.
+        let _ = on_a_module(|module| converse(&mut Unstructured::new(data), scenes, module));
     });
 }
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use parquet::basic::{BrotliLevel, Compression, GzipLevel, ZstdLevel};
 use parquet::data_type::{BoolType, DoubleType, FloatType, Int64Type};
 use parquet::errors::ParquetError;
-use parquet::file::properties::WriterProperties;
+use parquet::file::properties::{WriterProperties, WriterVersion};
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
 use schuler_core::compensation::{Block, Calibration, Factor, Quantity, Target, Term};
@@ -121,14 +121,20 @@ pub fn parquet_tables() -> Vec<Vec<u8>> {
         Compression::LZ4_RAW,
         Compression::BROTLI(BrotliLevel::default()),
     ];
-    compressions.into_iter().filter_map(|compression| parquet_table(compression).ok()).collect()
+    let versions = [WriterVersion::PARQUET_1_0, WriterVersion::PARQUET_2_0];
+    versions
+        .into_iter()
+        .flat_map(|version| compressions.iter().map(move |&compression| (version, compression)))
+        .filter_map(|(version, compression)| parquet_table(version, compression).ok())
+        .collect()
 }
 
-fn parquet_table(compression: Compression) -> Result<Vec<u8>, ParquetError> {
+fn parquet_table(version: WriterVersion, compression: Compression) -> Result<Vec<u8>, ParquetError> {
     let schema = "message table {
         required int64 t (TIMESTAMP(MILLIS,true)); optional double gyro; required float temp; required boolean on;
     }";
-    let properties = Arc::new(WriterProperties::builder().set_compression(compression).build());
+    let properties = WriterProperties::builder().set_writer_version(version).set_compression(compression);
+    let properties = Arc::new(properties.build());
     let mut bytes = Vec::new();
     let mut writer =
         SerializedFileWriter::new(&mut bytes, Arc::new(parse_message_type(schema)?), properties)?;

@@ -153,8 +153,14 @@ fn tmp_7_tmp_10_golden_g4_short_gap_is_forgotten() {
     assert_eq!((counts.rejected, counts.restarts), (200, 0));
     assert!(got[1600].status.contains(ThermalStatus::REJECTED) && same(&got[1600], &got[1499]));
     assert!(!same(&got[1800], &expected[1800]), "the gap had no effect at all");
-    // The history of readings differs, the updates in the window do not.
-    assert!(got[2300..].iter().zip(&expected[2300..]).all(|(a, b)| same(a, b)));
+    // The history of readings differs, the updates in the window do not. They stand in other places of the ring, so that they are
+    // added up in another order: equal is what differs in the last digit, and the rate by no more than from double precision.
+    for (a, b) in got[2300..].iter().zip(&expected[2300..]) {
+        assert!((a.temperature - b.temperature).abs() <= f32::EPSILON * b.temperature.abs(), "{a:?} {b:?}");
+        assert!(3600.0 * (a.rate - b.rate).abs() <= 4e-6, "{a:?} {b:?}");
+        assert!((a.temperature_sigma / b.temperature_sigma - 1.0).abs() <= 1e-5, "{a:?} {b:?}");
+        assert!((a.rate_sigma / b.rate_sigma - 1.0).abs() <= 1e-5, "{a:?} {b:?}");
+    }
 }
 
 #[test]

@@ -302,10 +302,9 @@ fn what_is_not_the_state_of_this_module_is_refused_and_changes_nothing() {
     let last = bytes.len() - 5;
     let impossible = |at: usize| sealed(&|bytes| bytes[at] = 0xee);
     let tag = (0..last).rev().find(|at| module(&config).restore(&impossible(*at)).is_err()).unwrap();
-    for wrong in
-        [impossible(tag), sealed(&|bytes| bytes.truncate(last - 100)), sealed(&|bytes| bytes.push(0))]
-    {
-        let mut wrong = wrong;
+    // Cut anywhere, also where another value would begin.
+    let cuts = (0..100).map(|cut| sealed(&|bytes| bytes.truncate(last - cut)));
+    for mut wrong in cuts.chain([impossible(tag), sealed(&|bytes| bytes.push(0))]) {
         let length = (wrong.len() as u32).to_le_bytes();
         wrong[8..12].copy_from_slice(&length);
         let body = wrong.len() - 4;

@@ -32,7 +32,13 @@ pub(crate) const fn on_the_wire(message: usize) -> usize {
     frame + frame.div_ceil(254) + 2
 }
 
-pub(crate) const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
+/// What the checksum is looked up in: a kilobyte on a host, nothing on the target, where flash is short and frames are few.
+#[cfg(not(target_os = "none"))]
+type Table = crc::Table<1>;
+#[cfg(target_os = "none")]
+type Table = crc::NoTable;
+
+pub(crate) const CRC: Crc<u32, Table> = Crc::<u32, Table>::new(&CRC_32_ISO_HDLC);
 
 /// A message of one direction of the link.
 pub trait Message: Serialize {
@@ -127,7 +133,7 @@ impl<const BYTES: usize> ShortWire<BYTES> {
 /// Feeds what postcard writes to the checksum and to COBS in one pass.
 struct WireFlavor<'a> {
     cobs: CobsEncoder<'a>,
-    digest: Digest<'static, u32>,
+    digest: Digest<'static, u32, Table>,
 }
 
 impl Flavor for WireFlavor<'_> {

@@ -9,6 +9,8 @@ fn main() {}
 
 #[cfg(target_os = "none")]
 mod image {
+    use core::hint::black_box;
+
     use cortex_m_rt::entry;
     use schuler_firmware::board;
     use schuler_firmware::semihosting::{Console, Input, exit};
@@ -25,6 +27,9 @@ mod image {
 
         board::start();
         let (Some(mut input), Some(mut output)) = (Input::open(), Console::open()) else { exit() };
+        if !(moves::<u8>() && moves::<u32>() && moves::<u64>()) {
+            exit();
+        }
         while input.fill(OPERANDS.as_flattened_mut().as_flattened_mut()) {
             for ([x, y], answer) in OPERANDS.iter().zip(ANSWERS.iter_mut()) {
                 *answer = answer_to(u64::from_le_bytes(*x), u64::from_le_bytes(*y));
@@ -32,6 +37,25 @@ mod image {
             output.send(ANSWERS.as_flattened());
         }
         exit()
+    }
+
+    /// Bytes, or words of several, moved to and fro by every distance and length that there is room for arrive as they were. Without
+    /// that there are no answers.
+    fn moves<T: Copy + PartialEq + From<u8>>() -> bool {
+        const ROOM: usize = 40;
+        let original: [T; ROOM] = core::array::from_fn(|i| T::from(i as u8));
+        (0..ROOM).all(|from| {
+            (0..ROOM).all(|to| {
+                (0..=ROOM - from.max(to)).all(|length| {
+                    let mut moved = original;
+                    moved.copy_within(from..from + black_box(length), to);
+                    moved.iter().enumerate().all(|(at, element)| {
+                        let came_from = if (to..to + length).contains(&at) { from + at - to } else { at };
+                        *element == T::from(came_from as u8)
+                    })
+                })
+            })
+        })
     }
 
     /// Sum, difference, product, quotient; x's lower word as a float, a whole number without and with sign, each as a double;

@@ -30,13 +30,13 @@ pub(super) struct JumpMotion<T> {
 /// A prediction, with all of the residual's moments that do not depend on the level of noise.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Prediction<T> {
-    estimate: Conditional<T>,
+    pub(super) estimate: Conditional<T>,
     /// P Hᵀ.
-    cross: [T; 4],
+    pub(super) cross: [T; 4],
     /// λ, the only entry of H that varies.
-    lambda: T,
+    pub(super) lambda: T,
     /// `Rq`, (m/s)².
-    residual_variance: T,
+    pub(super) residual_variance: T,
     /// S = H P Hᵀ + `Rq` without the radio's own noise, (m/s)².
     pub(super) variance: T,
     /// Residual predicted, H X, m/s.
@@ -107,46 +107,49 @@ impl<T: RealField + Copy> Conditional<T> {
             mean = each!(|i| mean[i] + *weight * component.mean[i]; 0 1 2 3);
         }
         for (weight, component) in components {
-            let [d0, d1, d2, d3] = each!(|i| component.mean[i] - mean[i]; 0 1 2 3);
-            let spread =
-                [d0 * d0, d0 * d1, d0 * d2, d0 * d3, d1 * d1, d1 * d2, d1 * d3, d2 * d2, d2 * d3, d3 * d3];
+            let spread = spread(each!(|i| component.mean[i] - mean[i]; 0 1 2 3));
             let term = &component.covariance;
             covariance = each!(|i| covariance[i] + *weight * (term[i] + spread[i]); 0 1 2 3 4 5 6 7 8 9);
         }
         Self { mean, covariance }
     }
+}
 
-    /// False if any element is NaN or infinite or a variance is negative.
-    pub(super) fn is_sound(&self) -> bool {
-        let [x0, x1, x2, x3] = self.mean;
-        let [p00, p01, p02, p03, p11, p12, p13, p22, p23, p33] = self.covariance;
-        let sum = x0.abs() + x1.abs() + x2.abs() + x3.abs();
-        let sum = sum + p01.abs() + p02.abs() + p03.abs() + p12.abs() + p13.abs() + p23.abs();
-        (sum + p00 + p11 + p22 + p33).is_finite()
-            & (p00 >= T::zero())
-            & (p11 >= T::zero())
-            & (p22 >= T::zero())
-            & (p33 >= T::zero())
-    }
+/// d dᵀ, upper triangle by rows.
+#[inline]
+pub(super) fn spread<T: RealField + Copy>([d0, d1, d2, d3]: [T; 4]) -> [T; 10] {
+    [d0 * d0, d0 * d1, d0 * d2, d0 * d3, d1 * d1, d1 * d2, d1 * d3, d2 * d2, d2 * d3, d3 * d3]
 }
 
 impl<T: RealField + Copy> Prediction<T> {
-    /// Estimate after the residual, in Joseph's form [HLT-5].
-    ///
-    /// `level_noise`: variance that the radio's noise adds to ε, (m/s)². `inverse_variance`: 1/S with it, or zero
-    /// to leave the residual aside. `innovation`: d − H X, m/s.
+    /// K = P Hᵀ / S. `level_noise`: variance that the radio's noise adds to ε, (m/s)². `inverse_variance`: 1/S with it, or
+    /// zero to leave the residual aside.
     #[inline]
-    pub(super) fn update(&self, level_noise: T, inverse_variance: T, innovation: T) -> Conditional<T> {
+    pub(super) fn gain(&self, level_noise: T, inverse_variance: T) -> [T; 4] {
+        let [h0, h1, h2, h3] = self.cross;
+        [
+            (h0 + level_noise) * inverse_variance,
+            h1 * inverse_variance,
+            h2 * inverse_variance,
+            h3 * inverse_variance,
+        ]
+    }
+
+    /// Mean after the residual [HLT-5]. `innovation`: d − H X, m/s.
+    #[inline]
+    pub(super) fn mean_after(&self, [k0, k1, k2, k3]: [T; 4], innovation: T) -> [T; 4] {
+        let [x0, x1, x2, x3] = self.estimate.mean;
+        [x0 + k0 * innovation, x1 + k1 * innovation, x2 + k2 * innovation, x3 + k3 * innovation]
+    }
+
+    /// Covariance after the residual, in Joseph's form [HLT-5].
+    #[inline]
+    pub(super) fn covariance_after(&self, [k0, k1, k2, k3]: [T; 4], level_noise: T) -> [T; 10] {
         let (lambda, residual_variance) = (self.lambda, self.residual_variance);
         let [mut h0, h1, h2, h3] = self.cross;
         h0 += level_noise;
-        let [k0, k1, k2, k3] =
-            [h0 * inverse_variance, h1 * inverse_variance, h2 * inverse_variance, h3 * inverse_variance];
         let [p00, p01, p02, p03, p11, p12, p13, p22, p23, p33] = self.estimate.covariance;
         let p00 = p00 + level_noise;
-
-        let [x0, x1, x2, x3] = self.estimate.mean;
-        let mean = [x0 + k0 * innovation, x1 + k1 * innovation, x2 + k2 * innovation, x3 + k3 * innovation];
         // A = (I − K H) P, not symmetric; then A (I − K H)ᵀ + K Rq Kᵀ = A + (Rq K − A Hᵀ) Kᵀ.
         let (a00, a01, a02, a03) = (p00 - k0 * h0, p01 - k0 * h1, p02 - k0 * h2, p03 - k0 * h3);
         let (a10, a11, a12, a13) = (p01 - k1 * h0, p11 - k1 * h1, p12 - k1 * h2, p13 - k1 * h3);
@@ -156,7 +159,7 @@ impl<T: RealField + Copy> Prediction<T> {
         let b1 = residual_variance * k1 - (a10 - a11 + lambda * a12);
         let b2 = residual_variance * k2 - (a20 - a21 + lambda * a22);
         let b3 = residual_variance * k3 - (a30 - a31 + lambda * a32);
-        let covariance = [
+        [
             a00 + b0 * k0,
             a01 + b0 * k1,
             a02 + b0 * k2,
@@ -167,8 +170,7 @@ impl<T: RealField + Copy> Prediction<T> {
             a22 + b2 * k2,
             a23 + b2 * k3,
             a33 + b3 * k3,
-        ];
-        Conditional { mean, covariance }
+        ]
     }
 }
 
@@ -184,6 +186,14 @@ mod tests {
     use super::super::config::HealthConfig;
     use super::super::span::SpanLadder;
     use super::*;
+
+    impl Prediction<f64> {
+        fn update(&self, level_noise: f64, inverse_variance: f64, innovation: f64) -> Conditional<f64> {
+            let gain = self.gain(level_noise, inverse_variance);
+            let covariance = self.covariance_after(gain, level_noise);
+            Conditional { mean: self.mean_after(gain, innovation), covariance }
+        }
+    }
 
     const KEPT: JumpMotion<f64> = JumpMotion { kept: 1.0, fresh_variance: 0.81 };
     const FRESH: JumpMotion<f64> = JumpMotion { kept: 0.0, fresh_variance: 0.81 };

@@ -105,8 +105,7 @@ impl<T: RealField + Copy, const LEVELS: usize> HealthMonitor<T, LEVELS> {
         state.started &= !restarted;
         let span = self.ladder.span(select(state.started, state.silence, 0));
         let (after, evidence) = before.after(&span, residual, present);
-        let told = [evidence.innovation, evidence.variance, evidence.log_likelihood];
-        let sound = told.iter().fold(after.is_sound(), |sound, number| sound & number.is_finite());
+        let sound = evidence.sound;
         // What came of numbers that are not sound says nothing.
         let evidence = *select(sound, &evidence, &Evidence::none());
         let now = *select(sound, &after, &self.priors);

@@ -12,8 +12,9 @@ use core::array;
 
 use nalgebra::{ComplexField, RealField, convert};
 
-use super::conditional::{Conditional, JumpMotion, Prediction};
+use super::conditional::Conditional;
 use super::config::HealthConfig;
+use super::paths::{Common, Gaussians, Paths, PerMode, of, place};
 use super::span::Span;
 use crate::number::select;
 use crate::saved::{Blank, saved};
@@ -23,14 +24,14 @@ const PROBABILITY_FLOOR: f64 = 1e-9;
 /// A mode whose share of the posterior is below this merges its paths by their prior weights.
 const NEGLIGIBLE_SHARE: f64 = 1e-30;
 
+/// More than any v²/S that can be formed in single precision.
+const LARGEST_Q: f64 = f32::MAX as f64;
+
 /// Keeps the arguments of the exponential where it is always the same work: below −1.5 ln 2 …
 const EXPONENT_SHIFT: f64 = 2.0;
 /// … and above those at which it underflows in single precision. Paths so much worse than the best, in squares of
 /// standard deviations, have no share.
 const WORST: f64 = 160.0;
-
-/// A quantity for each mode: first index λ (jump absent, present), second index the level of noise.
-pub(super) type PerMode<Q, const LEVELS: usize> = [[Q; LEVELS]; 2];
 
 /// Probabilities and Gaussians of all modes.
 #[derive(Clone, Copy, Debug)]
@@ -58,38 +59,16 @@ pub(super) struct Evidence<T> {
     pub(super) log_likelihood: T,
     /// The residual was beyond the gate of every mode and was not used.
     pub(super) out_of_model: bool,
+    /// False if a number is NaN or infinite or a variance is negative.
+    pub(super) sound: bool,
 }
 
 impl<T: RealField + Copy> Evidence<T> {
     /// Of a residual that was not used.
     pub(super) fn none() -> Self {
         let zero = T::zero();
-        Self { innovation: zero, variance: zero, log_likelihood: zero, out_of_model: false }
+        Self { innovation: zero, variance: zero, log_likelihood: zero, out_of_model: false, sound: false }
     }
-}
-
-/// The paths from one mode i to all levels of noise under one λ. They share the prediction.
-#[derive(Clone, Copy)]
-struct Fan<T, const LEVELS: usize> {
-    prediction: Prediction<T>,
-    /// v = d − H X, m/s.
-    innovation: T,
-    paths: [Path<T>; LEVELS],
-}
-
-/// The path from one mode i to one mode r.
-#[derive(Clone, Copy)]
-struct Path<T> {
-    /// w(i) Π(i, r).
-    prior: T,
-    /// Variance that the radio's noise adds to ε on the way, (m/s)².
-    level_noise: T,
-    /// 1/S, S the variance of the residual's prediction, 1/(m/s)².
-    inverse_variance: T,
-    /// v²/S.
-    q: T,
-    /// W(i, r), not normalised.
-    posterior: T,
 }
 
 impl<T: RealField + Copy, const LEVELS: usize> Recursion<T, LEVELS> {
@@ -120,50 +99,43 @@ impl<T: RealField + Copy, const LEVELS: usize> Recursion<T, LEVELS> {
     /// the same with and without a residual.
     pub(super) fn after(&self, span: &Span<T, LEVELS>, residual: T, present: bool) -> (Self, Evidence<T>) {
         let d = if present { residual } else { T::zero() };
-        let mut fans: [PerMode<_, LEVELS>; 2] = array::from_fn(|to| self.fans(span, d, to));
+        let common = Common::new(span, d, self.residual_variance, self.jump_variance);
+        let mut paths = [[Paths::none(); LEVELS]; 2];
+        for (jump, of_jump) in paths.iter_mut().enumerate() {
+            for (level, paths) in of_jump.iter_mut().enumerate() {
+                paths.lead(
+                    [jump, level],
+                    self.weights[jump][level],
+                    &self.conditionals[jump][level],
+                    &common,
+                );
+            }
+        }
+        let paths = paths.as_flattened_mut();
 
         // Likelihoods relative to the best path's, so that they cannot all vanish.
-        let limit = T::max_value().unwrap_or(self.gate_squared);
-        let better = |q: T, path: &Path<T>| select((path.prior > T::zero()) & (path.q < q), path.q, q);
-        let mut best = limit;
-        for fan in fans.as_flattened().as_flattened() {
-            best = fan.paths.iter().fold(best, better);
-        }
+        let best = least_q(paths);
         let out_of_model = present && (best > self.gate_squared);
         let usable = present && !out_of_model;
-        let half = convert::<f64, T>(0.5);
-        let (shift, worst) = (convert::<f64, T>(EXPONENT_SHIFT), convert::<f64, T>(WORST));
-        let mut total = T::zero();
-        for fan in fans.as_flattened_mut().as_flattened_mut() {
-            for path in &mut fan.paths {
-                let worse = select(path.q > best, path.q - best, T::zero());
-                let worse = select(worse < worst, worse, worst);
-                let fit = (-half * worse - shift).exp() * path.inverse_variance.sqrt();
-                path.posterior = path.prior * select(usable, fit, T::one());
-                total += path.posterior;
-            }
-        }
+        let total = weigh(paths, best, usable);
 
-        let per_total = T::one() / total;
+        let weights = share(paths, T::one() / total);
+        let (predicted, variance) = residual_prediction(paths);
+        let merged = Gaussians::merged(paths, &common, usable);
         let mut after = *self;
-        for ((fans, weights), conditionals) in
-            fans.iter().zip(&mut after.weights).zip(&mut after.conditionals)
-        {
-            for (level, (weight, conditional)) in weights.iter_mut().zip(conditionals).enumerate() {
-                (*weight, *conditional) = merge(fans, level, per_total, usable);
-            }
+        after.weights = floored(weights);
+        for (mode, conditional) in after.conditionals.as_flattened_mut().iter_mut().enumerate() {
+            *conditional = merged.of(mode);
         }
-        after.weights = floored(after.weights);
 
-        let (predicted, variance) = residual_prediction(&fans);
+        let (half, shift) = (convert::<f64, T>(0.5), convert::<f64, T>(EXPONENT_SHIFT));
         let log_likelihood = total.ln() + shift - half * (best + T::two_pi().ln());
-        let evidence = Evidence {
-            innovation: select(present, d - predicted, T::zero()),
-            variance,
-            log_likelihood: select(usable, log_likelihood, T::zero()),
-            out_of_model,
-        };
-        (after, evidence)
+        let innovation = select(present, d - predicted, T::zero());
+        let log_likelihood = select(usable, log_likelihood, T::zero());
+        let told = [innovation, variance, log_likelihood, sum(&after.weights)];
+        let sound =
+            told.iter().fold(merged.are_sound(), |sound, number| sound & ComplexField::is_finite(number));
+        (after, Evidence { innovation, variance, log_likelihood, out_of_model, sound })
     }
 
     /// First two moments of X over all modes.
@@ -173,97 +145,102 @@ impl<T: RealField + Copy, const LEVELS: usize> Recursion<T, LEVELS> {
         });
         Conditional::merged(components.as_flattened())
     }
-
-    /// False if a number is NaN or infinite or a variance is negative.
-    pub(super) fn is_sound(&self) -> bool {
-        let weights = self.weights.iter().flatten().all(ComplexField::is_finite);
-        weights && self.conditionals.iter().flatten().all(Conditional::is_sound)
-    }
-
-    /// Step 1 and the variances of step 2 [HLT-5]: all modes predicted to λ = `to`.
-    fn fans(&self, span: &Span<T, LEVELS>, d: T, to: usize) -> PerMode<Fan<T, LEVELS>, LEVELS> {
-        let lambda = if to == 1 { T::one() } else { T::zero() };
-        array::from_fn(|from| {
-            let jump = JumpMotion {
-                kept: if from & to == 1 { span.unbroken } else { T::zero() },
-                fresh_variance: if to == 1 { self.jump_variance } else { T::zero() },
-            };
-            array::from_fn(|from_level| {
-                let conditional = &self.conditionals[from][from_level];
-                let prediction = conditional.predict(span, jump, lambda, self.residual_variance);
-                let weight = self.weights[from][from_level] * span.jump_transition[from][to];
-                let innovation = d - prediction.residual;
-                let paths = array::from_fn(|to_level| {
-                    let level_noise = span.level_noise[from_level][to_level];
-                    let inverse_variance = T::one() / (prediction.variance + level_noise);
-                    Path {
-                        prior: weight * span.level_transition[from_level][to_level],
-                        level_noise,
-                        inverse_variance,
-                        q: innovation * innovation * inverse_variance,
-                        posterior: T::zero(),
-                    }
-                });
-                Fan { prediction, innovation, paths }
-            })
-        })
-    }
 }
 
-/// Steps 2 to 4 [HLT-5] for one mode r: updates the paths to it and merges them to their first two moments.
-/// Returns the mode's share of the posterior and its Gaussian.
-fn merge<T: RealField + Copy, const LEVELS: usize>(
-    fans: &PerMode<Fan<T, LEVELS>, LEVELS>,
-    level: usize,
-    per_total: T,
-    usable: bool,
-) -> (T, Conditional<T>) {
-    let mut share = T::zero();
-    let mut prior = T::zero();
-    for fan in fans.as_flattened() {
-        share += fan.paths[level].posterior * per_total;
-        prior += fan.paths[level].prior;
+/// The least v²/S of the paths that there are.
+fn least_q<T: RealField + Copy, const LEVELS: usize>(paths: &[Paths<T, LEVELS>]) -> T {
+    let mut least = convert(LARGEST_Q);
+    for paths in paths {
+        for (&prior, &q) in paths.prior.as_flattened().iter().zip(paths.q.as_flattened()) {
+            least = select((prior > T::zero()) & (q < least), q, least);
+        }
     }
-    let negligible = share < convert(NEGLIGIBLE_SHARE);
-    let scale = T::one() / select(negligible, prior, share);
-    let components: PerMode<_, LEVELS> = array::from_fn(|from| {
-        array::from_fn(|from_level| {
-            let fan = &fans[from][from_level];
-            let path = &fan.paths[level];
-            let weight = scale * select(negligible, path.prior, path.posterior * per_total);
-            let precision = select(usable, path.inverse_variance, T::zero());
-            (weight, fan.prediction.update(path.level_noise, precision, fan.innovation))
-        })
-    });
-    (share, Conditional::merged(components.as_flattened()))
+    least
+}
+
+/// Posterior weights of all paths, or the prior ones if the residual is not `usable`, and their sum. `best`: the least v²/S.
+fn weigh<T: RealField + Copy, const LEVELS: usize>(
+    paths: &mut [Paths<T, LEVELS>],
+    best: T,
+    usable: bool,
+) -> T {
+    let half = convert::<f64, T>(0.5);
+    let (shift, worst) = (convert::<f64, T>(EXPONENT_SHIFT), convert::<f64, T>(WORST));
+    let mut totals = [[T::zero(); LEVELS]; 2];
+    for paths in paths {
+        let mut fits = [[T::zero(); LEVELS]; 2];
+        for mode in 0..2 * LEVELS {
+            let q = of(&paths.q, mode);
+            let worse = select(q > best, q - best, T::zero());
+            *place(&mut fits, mode) = -half * select(worse < worst, worse, worst) - shift;
+        }
+        let deviations = paths.inverse_variance.map(|row| row.map(T::sqrt));
+        let fits = fits.map(|row| row.map(T::exp));
+        for mode in 0..2 * LEVELS {
+            let fit = of(&fits, mode) * of(&deviations, mode);
+            let posterior = of(&paths.prior, mode) * select(usable, fit, T::one());
+            *place(&mut paths.posterior, mode) = posterior;
+            *place(&mut totals, mode) += posterior;
+        }
+    }
+    sum(&totals)
+}
+
+/// Shares of the paths among those to the same mode. Returns those of the modes in the whole posterior.
+fn share<T: RealField + Copy, const LEVELS: usize>(
+    paths: &mut [Paths<T, LEVELS>],
+    per_total: T,
+) -> PerMode<T, LEVELS> {
+    let mut posteriors = [[T::zero(); LEVELS]; 2];
+    let mut priors = posteriors;
+    for paths in &*paths {
+        for mode in 0..2 * LEVELS {
+            *place(&mut posteriors, mode) += of(&paths.posterior, mode) * per_total;
+            *place(&mut priors, mode) += of(&paths.prior, mode);
+        }
+    }
+    for paths in paths {
+        for mode in 0..2 * LEVELS {
+            let whole = of(&posteriors, mode);
+            let negligible = whole < convert(NEGLIGIBLE_SHARE);
+            let scale = T::one() / select(negligible, of(&priors, mode), whole);
+            let part = select(negligible, of(&paths.prior, mode), of(&paths.posterior, mode) * per_total);
+            *place(&mut paths.share, mode) = scale * part;
+        }
+    }
+    posteriors
 }
 
 /// Mean and variance of the residual's prediction over all paths.
-fn residual_prediction<T: RealField + Copy, const LEVELS: usize>(
-    fans: &[PerMode<Fan<T, LEVELS>, LEVELS>; 2],
-) -> (T, T) {
-    let fans = fans.as_flattened().as_flattened();
-    let mut mean = T::zero();
-    for fan in fans {
-        for path in &fan.paths {
-            mean += path.prior * fan.prediction.residual;
+fn residual_prediction<T: RealField + Copy, const LEVELS: usize>(all: &[Paths<T, LEVELS>]) -> (T, T) {
+    let mut means = [[T::zero(); LEVELS]; 2];
+    for paths in all {
+        for mode in 0..2 * LEVELS {
+            *place(&mut means, mode) += of(&paths.prior, mode) * of(&paths.residual, mode);
         }
     }
-    let mut variance = T::zero();
-    for fan in fans {
-        let spread = fan.prediction.residual - mean;
-        for path in &fan.paths {
-            variance += path.prior * (fan.prediction.variance + path.level_noise + spread * spread);
+    let mean = sum(&means);
+    let mut variances = [[T::zero(); LEVELS]; 2];
+    for paths in all {
+        for mode in 0..2 * LEVELS {
+            let spread = of(&paths.residual, mode) - mean;
+            *place(&mut variances, mode) +=
+                of(&paths.prior, mode) * (of(&paths.variance, mode) + spread * spread);
         }
     }
-    (mean, variance)
+    (mean, sum(&variances))
+}
+
+/// Sum over all modes.
+fn sum<T: RealField + Copy, const LEVELS: usize>(of_modes: &PerMode<T, LEVELS>) -> T {
+    of_modes.as_flattened().iter().fold(T::zero(), |sum, &of_mode| sum + of_mode)
 }
 
 /// Step 5 [HLT-5]: nothing below the floor, sum one.
 fn floored<T: RealField + Copy, const LEVELS: usize>(weights: PerMode<T, LEVELS>) -> PerMode<T, LEVELS> {
     let floor = convert(PROBABILITY_FLOOR);
     let raised = weights.map(|row| row.map(|weight| select(weight > floor, weight, floor)));
-    let total = raised.iter().flatten().fold(T::zero(), |sum, &weight| sum + weight);
+    let total = sum(&raised);
     raised.map(|row| row.map(|weight| weight / total))
 }
 

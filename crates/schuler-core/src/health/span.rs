@@ -4,7 +4,7 @@
 //! beforehand: transition matrices become their powers, the radio's noise becomes its mean over the paths of
 //! levels, and a jump has a probability of having lasted unbroken. The moments after one span of n steps are
 //! therefore those after n predictions of one step, at the work of one. Spans compose, so that any n is put
-//! together from the spans of 1, 2, 4 … steps with a fixed number of operations.
+//! together from those of 1, 2, 3, 4, 8, 12, 16 … steps with a fixed number of operations.
 use core::array;
 
 use nalgebra::RealField;
@@ -13,11 +13,12 @@ use super::config::HealthConfig;
 use crate::number::select;
 use crate::saved::{Blank, saved};
 
-/// Number of doublings held.
-const STAGES: usize = 10;
+/// Digits of the number of steps, to the base [`BASE`].
+const DIGITS: usize = 5;
+const BASE: usize = 4;
 
 /// The longest span, steps.
-pub const MAX_SPAN_STEPS: u32 = (1 << STAGES) - 1;
+pub const MAX_SPAN_STEPS: u32 = BASE.pow(DIGITS as u32) as u32 - 1;
 
 /// Motion over a number of steps; what depends on the mode is given the mode at both ends.
 #[derive(Clone, Copy, Debug)]
@@ -38,7 +39,21 @@ pub(super) struct Span<T, const LEVELS: usize> {
     pub(super) level_noise: [[T; LEVELS]; LEVELS],
 }
 
-impl<T: RealField + Copy, const LEVELS: usize> Span<T, LEVELS> {
+/// A span in what adds up: probabilities instead of conditional ones.
+#[derive(Clone, Copy, Debug)]
+struct Stage<T, const LEVELS: usize> {
+    correlation: T,
+    duration: T,
+    inertial_noise: [T; 3],
+    jump_transition: [[T; 2]; 2],
+    /// Probability that a jump present at the beginning lasts through every step.
+    lasts: T,
+    level_transition: [[T; LEVELS]; LEVELS],
+    /// The level's transition times the variance that the radio's noise adds to ε on the way, (m/s)².
+    weighted_noise: [[T; LEVELS]; LEVELS],
+}
+
+impl<T: RealField + Copy, const LEVELS: usize> Stage<T, LEVELS> {
     /// No step: nothing moves.
     fn none() -> Self {
         Self {
@@ -46,9 +61,9 @@ impl<T: RealField + Copy, const LEVELS: usize> Span<T, LEVELS> {
             duration: T::zero(),
             inertial_noise: [T::zero(); 3],
             jump_transition: identity(),
-            unbroken: T::one(),
+            lasts: T::one(),
             level_transition: identity(),
-            level_noise: [[T::zero(); LEVELS]; LEVELS],
+            weighted_noise: [[T::zero(); LEVELS]; LEVELS],
         }
     }
 
@@ -62,6 +77,7 @@ impl<T: RealField + Copy, const LEVELS: usize> Span<T, LEVELS> {
         let jump_transition = config.jump.transition.map(normalised);
         let level_transition = config.radio.transition.map(normalised);
         let walk = |density: T| density * density * dt;
+        let noise = config.radio.sigma.map(|sigma| sigma * sigma * innovation);
         Self {
             correlation: (-exponent).exp(),
             duration: dt,
@@ -71,9 +87,9 @@ impl<T: RealField + Copy, const LEVELS: usize> Span<T, LEVELS> {
                 walk(config.inertial.drift_random_walk),
             ],
             jump_transition,
-            unbroken: T::one(),
+            lasts: jump_transition[1][1],
             level_transition,
-            level_noise: [config.radio.sigma.map(|sigma| sigma * sigma * innovation); LEVELS],
+            weighted_noise: level_transition.map(|row| array::from_fn(|to| row[to] * noise[to])),
         }
     }
 
@@ -81,70 +97,96 @@ impl<T: RealField + Copy, const LEVELS: usize> Span<T, LEVELS> {
     fn then(&self, next: &Self) -> Self {
         let (t, two) = (next.duration, T::one() + T::one());
         let ([xx, xm, mm], [nxx, nxm, nmm]) = (self.inertial_noise, next.inertial_noise);
-        let [[p00, p01], [p10, p11]] = self.jump_transition;
-        let [[n00, n01], [n10, n11]] = next.jump_transition;
-        let jump_transition =
-            [[p00 * n00 + p01 * n10, p00 * n01 + p01 * n11], [p10 * n00 + p11 * n10, p10 * n01 + p11 * n11]];
-        let kept = self.unbroken * p11 * next.unbroken * n11;
         let decay = next.correlation * next.correlation;
-        let mut level_transition = [[T::zero(); LEVELS]; LEVELS];
-        let mut level_noise = level_transition;
-        for from in 0..LEVELS {
-            for to in 0..LEVELS {
-                let (mut all, mut noise) = (T::zero(), T::zero());
-                for by in 0..LEVELS {
-                    let path = self.level_transition[from][by] * next.level_transition[by][to];
-                    all += path;
-                    noise += path * (decay * self.level_noise[from][by] + next.level_noise[by][to]);
-                }
-                level_transition[from][to] = all;
-                level_noise[from][to] = ratio_or_zero(noise, all);
-            }
+        let before = product(&self.weighted_noise, &next.level_transition);
+        let mut weighted_noise = product(&self.level_transition, &next.weighted_noise);
+        for (all, before) in weighted_noise.as_flattened_mut().iter_mut().zip(before.as_flattened()) {
+            *all += decay * *before;
         }
         Self {
             correlation: self.correlation * next.correlation,
             duration: self.duration + t,
             inertial_noise: [xx + t * (two * xm + t * mm) + nxx, xm + t * mm + nxm, mm + nmm],
-            unbroken: ratio_or_zero(kept, jump_transition[1][1]),
-            jump_transition,
+            jump_transition: product(&self.jump_transition, &next.jump_transition),
+            lasts: self.lasts * next.lasts,
+            level_transition: product(&self.level_transition, &next.level_transition),
+            weighted_noise,
+        }
+    }
+
+    fn span(&self) -> Span<T, LEVELS> {
+        let mut level_noise = self.weighted_noise;
+        let transitions = self.level_transition.as_flattened();
+        for (noise, transition) in level_noise.as_flattened_mut().iter_mut().zip(transitions) {
+            *noise = ratio_or_zero(*noise, *transition);
+        }
+        Span {
+            correlation: self.correlation,
+            duration: self.duration,
+            inertial_noise: self.inertial_noise,
+            jump_transition: self.jump_transition,
+            unbroken: ratio_or_zero(self.lasts, self.jump_transition[1][1]),
+            level_transition: self.level_transition,
             level_noise,
-            level_transition,
         }
     }
 }
 
-/// The spans of 1, 2, 4 … steps.
+/// For each digit of the number of steps the spans of one, two and three times its place value.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SpanLadder<T, const LEVELS: usize> {
-    stages: [Span<T, LEVELS>; STAGES],
+    stages: [[Stage<T, LEVELS>; BASE - 1]; DIGITS],
 }
 
 impl<T: RealField + Copy, const LEVELS: usize> SpanLadder<T, LEVELS> {
     /// From a validated configuration.
     pub(super) fn new(config: &HealthConfig<T, LEVELS>) -> Self {
-        let mut span = Span::one(config);
+        let mut one = Stage::one(config);
         let stages = array::from_fn(|_| {
-            let stage = span;
-            span = span.then(&span);
-            stage
+            let two = one.then(&one);
+            let three = two.then(&one);
+            let stages = [one, two, three];
+            one = three.then(&one);
+            stages
         });
         Self { stages }
     }
 
     /// The span of `steps` ≤ [`MAX_SPAN_STEPS`] steps. The work does not depend on `steps`.
     pub(super) fn span(&self, steps: u32) -> Span<T, LEVELS> {
-        let mut total = Span::none();
-        for (bit, stage) in self.stages.iter().enumerate() {
-            let longer = total.then(stage);
-            total = *select(steps & (1 << bit) == 0, &total, &longer);
+        let none = Stage::none();
+        let mut total = none;
+        let mut rest = steps;
+        for [one, two, three] in &self.stages {
+            let digit = rest % BASE as u32;
+            let stage = select(digit == 1, one, &none);
+            let stage = select(digit == 2, two, stage);
+            total = total.then(select(digit == 3, three, stage));
+            rest /= BASE as u32;
         }
-        total
+        total.span()
     }
 }
 
 fn normalised<T: RealField + Copy, const COLUMNS: usize>(row: [T; COLUMNS]) -> [T; COLUMNS] {
     let total = row.iter().fold(T::zero(), |total, &p| total + p);
     row.map(|p| p / total)
+}
+
+/// Of two matrices, by rows.
+fn product<T: RealField + Copy, const SIZE: usize>(
+    one: &[[T; SIZE]; SIZE],
+    other: &[[T; SIZE]; SIZE],
+) -> [[T; SIZE]; SIZE] {
+    let mut product = [[T::zero(); SIZE]; SIZE];
+    for (row, factors) in product.iter_mut().zip(one) {
+        for (factor, others) in factors.iter().zip(other) {
+            for (element, other) in row.iter_mut().zip(others) {
+                *element += *factor * *other;
+            }
+        }
+    }
+    product
 }
 
 fn identity<T: RealField + Copy, const SIZE: usize>() -> [[T; SIZE]; SIZE] {
@@ -157,14 +199,14 @@ fn ratio_or_zero<T: RealField + Copy>(numerator: T, denominator: T) -> T {
     select(exists, numerator / select(exists, denominator, T::one()), T::zero())
 }
 
-saved!([T: Blank, const LEVELS: usize] Span<T, LEVELS> {
+saved!([T: Blank, const LEVELS: usize] Stage<T, LEVELS> {
     correlation,
     duration,
     inertial_noise,
     jump_transition,
-    unbroken,
+    lasts,
     level_transition,
-    level_noise,
+    weighted_noise,
 });
 saved!([T: Blank, const LEVELS: usize] SpanLadder<T, LEVELS> { stages });
 
@@ -198,16 +240,16 @@ mod tests {
         }
     }
 
-    /// The span of n steps is the n-fold composition of one step, whatever the order of doubling.
+    /// The span of n steps is the n-fold composition of one step, whatever its digits.
     #[test]
     fn hlt_6_span_is_the_composition_of_single_steps() {
         let mut config = HealthConfig::<f64, 3>::doppler_against_inertial_three_levels();
         config.inertial.drift_random_walk = 1e-4;
         let ladder = SpanLadder::new(&config);
-        let one = Span::one(&config);
-        let mut expected = Span::none();
+        let one = Stage::one(&config);
+        let mut composed = Stage::none();
         for steps in 0..=MAX_SPAN_STEPS {
-            let found = ladder.span(steps);
+            let (found, expected) = (ladder.span(steps), composed.span());
             let flat = |span: &Span<f64, 3>| {
                 let mut all = std::vec![span.correlation, span.duration, span.unbroken];
                 all.extend(span.inertial_noise);
@@ -222,7 +264,7 @@ mod tests {
                     "{steps}: {found} {expected}"
                 );
             }
-            expected = expected.then(&one);
+            composed = composed.then(&one);
         }
     }
 }

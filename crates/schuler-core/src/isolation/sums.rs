@@ -38,6 +38,9 @@ impl<T: RealField + Copy> Evidence<T> {
     }
 }
 
+/// Number of one-sided sums along a line.
+const KINDS: usize = 4;
+
 /// One of the four one-sided sums along a line: fast up, fast down, slow up, slow down.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SumKind<T> {
@@ -47,7 +50,7 @@ pub(super) struct SumKind<T> {
 }
 
 impl<T: RealField + Copy> SumKind<T> {
-    pub(super) fn all(thresholds: &Thresholds<T>) -> [Self; 4] {
+    pub(super) fn all(thresholds: &Thresholds<T>) -> [Self; KINDS] {
         let (up, down) = (T::one(), -T::one());
         let (fast, slow) = (constant(FAST_REFERENCE), constant(SLOW_REFERENCE));
         let (inverse_fast, inverse_slow) = (up / thresholds.fast, up / thresholds.slow);
@@ -112,32 +115,76 @@ impl<T: RealField + Copy> Gate<T> {
     }
 }
 
-/// A one-sided sum with the evidence gathered since it last stood at zero.
+/// A quantity for each kind of sum along each line.
+type PerSum<T> = [[T; KINDS]; GYROS];
+
+/// All one-sided sums, with the evidence gathered since each last stood at zero. Numbers of one kind stand side by side, and each
+/// kind is worked on by itself: so a host works on several sums at once, and the target on one after another.
 #[derive(Clone, Copy, Debug)]
-struct OneSidedSum<T> {
-    level: T,
-    evidence: Evidence<T>,
+struct OneSidedSums<T> {
+    level: PerSum<T>,
+    samples: PerSum<u32>,
+    x: PerSum<T>,
+    y: PerSum<T>,
+    /// All of it counts as zero: so a restart takes no work of its own.
+    forgotten: bool,
 }
 
-impl<T: RealField + Copy> OneSidedSum<T> {
+impl<T: RealField + Copy> OneSidedSums<T> {
     fn zero() -> Self {
-        Self { level: T::zero(), evidence: Evidence::none() }
+        let zero = [[T::zero(); KINDS]; GYROS];
+        Self { level: zero, samples: [[0; KINDS]; GYROS], x: zero, y: zero, forgotten: false }
     }
 
-    fn select(condition: bool, one: &Self, other: &Self) -> Self {
-        Self {
-            level: select(condition, one.level, other.level),
-            evidence: Evidence::select(condition, &one.evidence, &other.evidence),
+    /// Takes a sample where it is to be `added`. `along`: its part along each line.
+    fn add_if(&mut self, added: bool, kinds: &[SumKind<T>; KINDS], along: &[T; GYROS], parity: &Vector2<T>) {
+        let (zero, kept) = (T::zero(), !self.forgotten);
+        self.forgotten = false;
+        let mut grows = [[false; KINDS]; GYROS];
+        for ((levels, grows), along) in self.level.iter_mut().zip(&mut grows).zip(along) {
+            for ((level, grows), kind) in levels.iter_mut().zip(grows).zip(kinds) {
+                let before = select(kept, *level, zero);
+                let grown = before + kind.increment(*along);
+                *grows = grown > zero;
+                *level = select(added, select(*grows, grown, zero), before);
+            }
         }
+        let grows = grows.as_flattened();
+        for (sums, term) in [(&mut self.x, parity.x), (&mut self.y, parity.y)] {
+            for (sum, grows) in sums.as_flattened_mut().iter_mut().zip(grows) {
+                let before = select(kept, *sum, zero);
+                *sum = select(added, select(*grows, before + term, zero), before);
+            }
+        }
+        for (samples, grows) in self.samples.as_flattened_mut().iter_mut().zip(grows) {
+            let before = select(kept, *samples, 0);
+            *samples = select(added, select(*grows, before.saturating_add(1), 0), before);
+        }
+    }
+
+    /// The highest level in relation to its threshold, and what it is made of.
+    fn highest(&self, kinds: &[SumKind<T>; KINDS]) -> (T, Evidence<T>) {
+        let (mut highest, mut of) = (T::zero(), 0);
+        for (line, levels) in self.level.iter().enumerate() {
+            for (kind, level) in levels.iter().enumerate() {
+                let ratio = *level * kinds[kind].inverse_threshold;
+                of = select(ratio > highest, line * KINDS + kind, of);
+                highest = select(ratio > highest, ratio, highest);
+            }
+        }
+        let [x, y] =
+            [&self.x, &self.y].map(|sums| sums.as_flattened().get(of).copied().unwrap_or_else(T::zero));
+        let samples = self.samples.as_flattened().get(of).copied().unwrap_or_default();
+        (highest, Evidence { samples, sum: Vector2::new(x, y) })
     }
 }
 
 /// All detectors of the five-gyro parity: one sample, and four sums along each of five lines.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Watch<T> {
-    kinds: [SumKind<T>; 4],
+    kinds: [SumKind<T>; KINDS],
     gate: Gate<T>,
-    sums: [[OneSidedSum<T>; 4]; GYROS],
+    sums: OneSidedSums<T>,
     /// Samples in a row beyond the single-sample threshold.
     run: Evidence<T>,
 }
@@ -160,13 +207,13 @@ impl<T: RealField + Copy> Watch<T> {
         Self {
             kinds: SumKind::all(thresholds),
             gate: Gate::new(thresholds.single, persistence),
-            sums: [[OneSidedSum::zero(); 4]; GYROS],
+            sums: OneSidedSums::zero(),
             run: Evidence::none(),
         }
     }
 
     pub(super) fn reset(&mut self) {
-        self.sums = [[OneSidedSum::zero(); 4]; GYROS];
+        self.sums.forgotten = true;
         self.run = Evidence::none();
     }
 
@@ -185,23 +232,15 @@ impl<T: RealField + Copy> Watch<T> {
         let run = Evidence::select(outlier, &self.run.with(&limited), &Evidence::none());
         self.run = Evidence::select(usable, &run, &self.run);
 
-        let mut level = if usable { ratio } else { T::zero() };
+        let along = space.directions().map(|direction| direction.dot(&limited));
+        self.sums.add_if(usable & add_up, &self.kinds, &along, &limited);
+        let (highest, evidence) = self.sums.highest(&self.kinds);
+
+        let level = if usable { ratio } else { T::zero() };
+        let level = select(highest > level, highest, level);
         let single = if outlier && self.gate.persisted(self.run.samples) { ratio } else { T::zero() };
-        let mut largest = (single, self.run);
-        for (direction, sums) in space.directions().iter().zip(&mut self.sums) {
-            let along = direction.dot(&limited);
-            for (kind, sum) in self.kinds.iter().zip(sums) {
-                let next = sum.level + kind.increment(along);
-                let grown = OneSidedSum { level: next, evidence: sum.evidence.with(&limited) };
-                let next = OneSidedSum::select(next > T::zero(), &grown, &OneSidedSum::zero());
-                *sum = OneSidedSum::select(usable & add_up, &next, sum);
-                let ratio = sum.level * kind.inverse_threshold;
-                level = select(ratio > level, ratio, level);
-                let leads = ratio > largest.0;
-                let evidence = Evidence::select(leads, &sum.evidence, &largest.1);
-                largest = (select(leads, ratio, largest.0), evidence);
-            }
-        }
+        let leads = highest > single;
+        let largest = (select(leads, highest, single), Evidence::select(leads, &evidence, &self.run));
         let alarm = (usable && largest.0 > T::one()).then_some(largest.1);
         Sighting { outlier, limited, level, alarm }
     }
@@ -209,6 +248,6 @@ impl<T: RealField + Copy> Watch<T> {
 
 saved!([T: Blank] Evidence<T> { samples, sum });
 saved!([T: Blank] SumKind<T> { sign, reference, inverse_threshold });
-saved!([T: Blank] OneSidedSum<T> { level, evidence });
+saved!([T: Blank] OneSidedSums<T> { level, samples, x, y, forgotten });
 saved!([T: Blank] Gate<T> { threshold, inverse_threshold, persistence });
 saved!([T: Blank] Watch<T> { sums, run, kinds, gate });

@@ -10,6 +10,7 @@
 //! always all 64 places, those not in use masked, so the work does not depend on the data.
 use super::window::{Entry, RING, Window};
 use super::{Scalar, real};
+use crate::number::each;
 use crate::saved::{Blank, saved};
 
 /// Prior sigma of the rate, degC/s: 100 degC/h.
@@ -86,45 +87,34 @@ impl<F: Scalar> Fit<F> {
         let inverse_tp = F::one() / model.time_constant;
         let inverse_count = F::one() / F::from_usize(window.len()).unwrap_or_else(F::one);
 
-        // Columns s, b2 and the right-hand side z − z_r; their means.
-        let mut s = [F::zero(); RING];
-        let mut b2 = [F::zero(); RING];
-        let mut z = [F::zero(); RING];
-        let (mut sum_s, mut sum_b2, mut sum_z) = (F::zero(), F::zero(), F::zero());
-        for (age, ((s, b2), z)) in s.iter_mut().zip(&mut b2).zip(&mut z).enumerate() {
-            let mask = window.mask(age);
-            *s = mask * window.seconds_from_newest(age) * inverse_tp;
-            *b2 = exponential_remainder(-*s);
-            *z = mask * (window.entry(age).value - newest.value);
-            sum_s += *s;
-            sum_b2 += *b2;
-            sum_z += *z;
+        // Columns s, b2 and the right-hand side z − z_r, zero where there is no entry; their means.
+        let [mut used, mut s, mut b2, mut z] = [[F::zero(); RING]; 4];
+        for place in 0..RING {
+            let (mask, seconds, above) = window.beside(&newest, place);
+            let reduced = seconds * inverse_tp;
+            (used[place], s[place], z[place]) = (mask, reduced, above);
+            b2[place] = exponential_remainder(-reduced);
         }
-        let (mean_s, mean_b2, mean_z) =
-            (sum_s * inverse_count, sum_b2 * inverse_count, sum_z * inverse_count);
+        let [mean_s, mean_b2, mean_z] = [sum(&s), sum(&b2), sum(&z)].map(|total| total * inverse_count);
 
         // First column (constant) out; second column's products. The prior's rows are (p1, 0 | 0), (0, p2 | 0).
         let p1 = model.sigma / (real::<F>(RATE_SIGMA) * model.time_constant);
         let p2 = model.sigma / (real::<F>(CURVATURE_SIGMA) * model.time_constant * model.time_constant);
-        let (mut ss, mut sb, mut sz) = (p1 * p1, F::zero(), F::zero());
-        for (age, ((s, b2), z)) in s.iter_mut().zip(&mut b2).zip(&mut z).enumerate() {
-            let mask = window.mask(age);
-            *s -= mask * mean_s;
-            *b2 -= mask * mean_b2;
-            *z -= mask * mean_z;
-            ss += *s * *s;
-            sb += *s * *b2;
-            sz += *s * *z;
+        for (((s, b2), z), used) in s.iter_mut().zip(&mut b2).zip(&mut z).zip(&used) {
+            *s -= *used * mean_s;
+            *b2 -= *used * mean_b2;
+            *z -= *used * mean_z;
         }
+        let ss = p1 * p1 + product(&s, &s);
 
         // Second column out of the third and of the right-hand side.
-        let (shear, gain) = (sb / ss, sz / ss);
-        let (mut bb, mut bz) = (p2 * p2 + shear * shear * p1 * p1, shear * gain * p1 * p1);
-        for ((s, b2), z) in s.iter().zip(&b2).zip(&z) {
-            let b = *b2 - shear * *s;
-            bb += b * b;
-            bz += b * (*z - gain * *s);
+        let (shear, gain) = (product(&s, &b2) / ss, product(&s, &z) / ss);
+        for ((s, b2), z) in s.iter().zip(&mut b2).zip(&mut z) {
+            *b2 -= shear * *s;
+            *z -= gain * *s;
         }
+        let bb = p2 * p2 + shear * shear * p1 * p1 + product(&b2, &b2);
+        let bz = shear * gain * p1 * p1 + product(&b2, &z);
 
         let curvature = bz / bb;
         let slope = gain - shear * curvature;
@@ -175,6 +165,48 @@ impl<F: Scalar> Fit<F> {
             rate_sigma: self.model.sigma * (d1 * d1 + d2 * d2).sqrt() / tp,
         }
     }
+}
+
+/// A sum is made of eight, of every eighth number each, so that none of that many additions waits for another.
+const SUMS: usize = 8;
+const _: () = assert!(RING.is_multiple_of(SUMS));
+
+/// Eight sums of numbers. Not in line: a compiler that sees how the eight are added up in the end pairs them for that from the
+/// beginning, and takes two at a time instead of four.
+#[inline(never)]
+fn sums<F: Scalar>(numbers: &[F; RING]) -> [F; SUMS] {
+    let mut sums = [F::zero(); SUMS];
+    for n in numbers.as_chunks::<SUMS>().0 {
+        sums = each!(|i| sums[i] + n[i]; 0 1 2 3 4 5 6 7);
+    }
+    sums
+}
+
+/// Eight sums of products; not in line either.
+#[inline(never)]
+fn sums_of_products<F: Scalar>(one: &[F; RING], other: &[F; RING]) -> [F; SUMS] {
+    let mut sums = [F::zero(); SUMS];
+    for (a, b) in one.as_chunks::<SUMS>().0.iter().zip(other.as_chunks::<SUMS>().0) {
+        sums = each!(|i| sums[i] + a[i] * b[i]; 0 1 2 3 4 5 6 7);
+    }
+    sums
+}
+
+/// All numbers added up.
+fn sum<F: Scalar>(numbers: &[F; RING]) -> F {
+    total(&sums(numbers))
+}
+
+/// All products added up.
+fn product<F: Scalar>(one: &[F; RING], other: &[F; RING]) -> F {
+    total(&sums_of_products(one, other))
+}
+
+/// Not in line: once is enough in flash.
+#[inline(never)]
+fn total<F: Scalar>(sums: &[F; SUMS]) -> F {
+    let [a, b, c, d] = each!(|i| sums[i] + sums[i + 4]; 0 1 2 3);
+    (a + b) + (c + d)
 }
 
 /// `exp(u) − 1 − u` to working precision for |u| ≤ 4: a polynomial at u/8, then

@@ -43,10 +43,12 @@ fn between_ms(from: u32, to: u32) -> i32 {
     to.wrapping_sub(from).cast_signed()
 }
 
-/// Ring of the last updates.
+/// Ring of the last updates. Times and values stand apart. The regression goes through the places in their order and not in that of
+/// age, so that a host works on several at once; the same entries elsewhere in the ring give sums with other last digits.
 #[derive(Clone, Copy, Debug)]
 pub struct Window<F> {
-    entries: [Entry<F>; RING],
+    times_ms: [u32; RING],
+    values: [F; RING],
     head: usize,
     len: usize,
     fictitious: usize,
@@ -56,11 +58,9 @@ impl<F: Scalar> Window<F> {
     /// The start [TMP-6]: six fictitious entries of `value`, a minute apart, the newest a minute before
     /// `now_ms`. `now_ms` must be at least 360 000.
     pub fn start(now_ms: u64, value: F) -> Self {
-        let mut entries = [Entry::new(0, value); RING];
-        for (entry, minutes) in entries.iter_mut().zip((1..=KEEP as u64).rev()) {
-            *entry = Entry::new(now_ms.saturating_sub(60_000 * minutes), value);
-        }
-        Self { entries, head: 0, len: KEEP, fictitious: KEEP }
+        let mut window = Self { times_ms: [0; RING], values: [value; RING], head: 0, len: 0, fictitious: 0 };
+        window.restart_if(true, now_ms, value);
+        window
     }
 
     /// Number of entries, 6 to 64.
@@ -75,7 +75,8 @@ impl<F: Scalar> Window<F> {
 
     /// The `age`-th entry from the oldest; what lies beyond [`Window::len`] is stale and must be masked.
     pub fn entry(&self, age: usize) -> Entry<F> {
-        self.entries[(self.head + age) & (RING - 1)]
+        let place = (self.head + age) & (RING - 1);
+        Entry { time_ms: self.times_ms[place], value: self.values[place] }
     }
 
     /// The newest entry.
@@ -93,40 +94,56 @@ impl<F: Scalar> Window<F> {
         self.head = select(condition, 0, self.head);
         self.len = select(condition, KEEP, self.len);
         self.fictitious = select(condition, KEEP, self.fictitious);
-        for (entry, minutes) in self.entries.iter_mut().zip((1..=KEEP as u64).rev()) {
+        for (place, minutes) in (1..=KEEP as u64).rev().enumerate() {
             let fictitious = Entry::new(now_ms.saturating_sub(60_000 * minutes), value);
-            *entry = select(condition, fictitious, *entry);
+            self.put_if(condition, place, fictitious);
         }
     }
 
     /// Appends an entry where `condition` holds; a full ring loses its oldest.
     pub fn push_if(&mut self, condition: bool, entry: Entry<F>) {
         self.drop_oldest(usize::from(condition & (self.len >= RING)));
-        let place = &mut self.entries[(self.head + self.len) & (RING - 1)];
-        *place = select(condition, entry, *place);
+        self.put_if(condition, self.head + self.len, entry);
         self.len += usize::from(condition);
     }
 
     /// Moves the newest entry to another instant where `condition` holds.
     pub fn move_newest_if(&mut self, condition: bool, time_ms: u64) {
-        let newest = &mut self.entries[(self.head + self.len.wrapping_sub(1)) & (RING - 1)];
-        newest.time_ms = select(condition, time_ms as u32, newest.time_ms);
+        let newest = &mut self.times_ms[(self.head + self.len.wrapping_sub(1)) & (RING - 1)];
+        *newest = select(condition, time_ms as u32, *newest);
     }
 
     /// Removes what no longer serves [TMP-5]: an entry leaves when it is older than the window **and** its
     /// follower is a window away from the newest entry, or when it is four windows old; six always remain.
-    /// All conditions hold for a prefix of the ring, so one pass counts what goes. Nothing goes unless `condition` holds.
+    /// As times ascend, what goes is the oldest so many entries, and their number is found by halving.
+    /// Nothing goes unless `condition` holds.
     pub fn expire_if(&mut self, condition: bool, now_ms: u64, window_ms: u32) {
-        let newest_ms = self.newest().time_ms;
+        let newest = self.newest();
+        let goes = |age: usize| {
+            let old_ms = self.entry(age).age_ms(now_ms);
+            let follower_old_ms = self.entry(age + 1).age_ms(u64::from(newest.time_ms));
+            let unneeded = (old_ms > window_ms) & (follower_old_ms >= window_ms);
+            (unneeded | (old_ms > window_ms.saturating_mul(4))) & (age + KEEP < self.len)
+        };
         let mut gone = 0;
-        for age in 0..RING {
-            let old = self.entry(age).age_ms(now_ms);
-            let follower_old = between_ms(self.entry(age + 1).time_ms, newest_ms).max(0).cast_unsigned();
-            let stale =
-                ((old > window_ms) & (follower_old >= window_ms)) | (old > window_ms.saturating_mul(4));
-            gone += usize::from(stale & (age + KEEP < self.len));
+        let mut step = RING / 2;
+        for _ in 0..RING.ilog2() {
+            gone += select(goes(gone + step - 1), step, 0);
+            step /= 2;
         }
         self.drop_oldest(select(condition, gone, 0));
+    }
+
+    /// Which from the oldest the entry at a place is.
+    fn age_of(&self, place: usize) -> u32 {
+        (place as u32).wrapping_sub(self.head as u32) & (RING as u32 - 1)
+    }
+
+    /// At a place, counted round the ring.
+    fn put_if(&mut self, condition: bool, place: usize, entry: Entry<F>) {
+        let place = place & (RING - 1);
+        self.times_ms[place] = select(condition, entry.time_ms, self.times_ms[place]);
+        self.values[place] = select(condition, entry.value, self.values[place]);
     }
 
     fn drop_oldest(&mut self, count: usize) {
@@ -136,17 +153,17 @@ impl<F: Scalar> Window<F> {
         self.fictitious = self.fictitious.saturating_sub(count);
     }
 
-    /// Seconds from the newest entry to the `age`-th one (≤ 0), for the regression; exact in `f32` below 4.6 h.
-    pub(super) fn seconds_from_newest(&self, age: usize) -> F {
-        let before_ms = between_ms(self.entry(age).time_ms, self.newest().time_ms).max(0);
-        F::from_i32(before_ms).unwrap_or_else(F::zero) * real(-1e-3)
-    }
-
-    /// One for an entry in use, zero for a stale place.
-    pub(super) fn mask(&self, age: usize) -> F {
-        F::from_u8(u8::from(age < self.len)).unwrap_or_else(F::zero)
+    /// Of the entry at a place the regression is given: one if it is in use and zero if it is stale, seconds from the newest entry to it
+    /// (≤ 0; exact in `f32` below 4.6 h), and how far its value lies above the newest one's, degC.
+    #[inline(always)]
+    pub(super) fn beside(&self, newest: &Entry<F>, place: usize) -> (F, F, F) {
+        let is_used = self.age_of(place) < self.len as u32;
+        let used = select(is_used, F::one(), F::zero());
+        let before_ms = select(is_used, between_ms(self.times_ms[place], newest.time_ms).max(0), 0);
+        let seconds = F::from_i32(before_ms).unwrap_or_else(F::zero) * real(-1e-3);
+        (used, seconds, used * (self.values[place] - newest.value))
     }
 }
 
 saved!([F: Blank] Entry<F> { time_ms, value });
-saved!([F: Blank] Window<F> { entries, head < RING, len < RING + 1, fictitious < RING + 1 });
+saved!([F: Blank] Window<F> { times_ms, values, head < RING, len < RING + 1, fictitious < RING + 1 });
