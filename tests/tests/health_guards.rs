@@ -185,7 +185,7 @@ fn hlt_6_restart_after_the_limit_and_not_before() {
 #[test]
 fn hlt_6_residual_out_of_the_model() {
     let samples = flight(6, &[(NOMINAL, 400)], 0.0);
-    for wild in [60.0, -900.0, 1e30, f64::MAX] {
+    for wild in [15.0, -900.0, 1e30, f64::MAX] {
         let mut monitored = Monitored::<f64, 2>::delivered();
         feed(&mut monitored, &samples[..200]);
         let mut missing = monitored;
@@ -209,6 +209,28 @@ fn hlt_6_residual_out_of_the_model() {
             (monitored.output.verdict, monitored.output.suspect),
             (Verdict::Nominal, Suspect::Neither)
         );
+    }
+}
+
+/// One wild value, whatever its size and whenever it comes, is no lasting fault. The worst time is the start, when the
+/// inertial error is known least: with a wider gate a part of the value would be taken for it, and what is left then looks
+/// like a jump that does not end, to the exact posterior also.
+#[test]
+fn hlt_6_one_wild_residual_is_forgotten() {
+    for before in [0, 1, 3, 10, 200] {
+        for seed in 20..24 {
+            let samples = flight(seed, &[(NOMINAL, before + 120)], 0.0);
+            let mut start = Monitored::<f64, 2>::delivered();
+            feed(&mut start, &samples[..before]);
+            for wild in (-200..=200).map(|half| 0.5 * f64::from(half)) {
+                let mut monitored = start;
+                monitored.feed(Some(wild), 1);
+                feed(&mut monitored, &samples[before..]);
+                let found = (monitored.output.verdict, monitored.output.suspect);
+                let nothing = (Verdict::Nominal, Suspect::Neither);
+                assert_eq!(found, nothing, "{wild} m/s after {before} residuals, seed {seed}");
+            }
+        }
     }
 }
 

@@ -101,7 +101,9 @@ pub struct HealthConfig<T, const LEVELS: usize> {
     /// Alarm thresholds, the same for jump, grown noise and any fault.
     pub alarm: AlarmThresholds<T>,
     /// A residual farther than this many standard deviations from the prediction of every mode is out of the
-    /// model and not used.
+    /// model and not used. The first residual, which has the widest prediction, also moves ξ: with a gate of 10 and two levels a
+    /// wild one is forgotten within two minutes, with 20 it may leave a false jump behind for more than ten. Three levels do that
+    /// with every gate from 6 on, for a first residual beyond five σ of the worst level.
     pub out_of_model_sigma: T,
     /// Without a usable residual for longer than this, s, there is no verdict.
     pub unobserved_after_s: T,
@@ -145,7 +147,7 @@ impl<T: RealField + Copy> HealthConfig<T, 2> {
             },
             residual_sigma: number(0.01),
             alarm: AlarmThresholds { set: number(0.9), clear: number(0.45) },
-            out_of_model_sigma: number(50.0),
+            out_of_model_sigma: number(10.0),
             unobserved_after_s: number(60.0),
             restart_after_s: number(600.0),
             max_age_ms: 1500,
