@@ -90,6 +90,25 @@ fn measured_health(health: &mut HealthMonitor<f32, 2>, inputs: &[StepInput]) {
     }
 }
 
+/// Filter, isolation, one thermometer and the monitor one after another in each step, as in a replay.
+#[inline(never)]
+fn measured_four(
+    (filter, isolation, thermometer, health): (
+        &mut ErrorFilter<f32>,
+        &mut FaultIsolation,
+        &mut TemperatureRate<f32>,
+        &mut HealthMonitor<f32, 2>,
+    ),
+    inputs: &[StepInput],
+) {
+    for input in inputs {
+        black_box(filter.step(Some(input.velocity_error.value)));
+        black_box(isolation.step(&input.gyros, None));
+        black_box(thermometer.step(input.time_ms, &input.thermometers[0]));
+        black_box(health.step(&input.radio_velocity, &input.inertial_velocity, 1));
+    }
+}
+
 /// CPU time of a part over all inputs, s.
 fn seconds(part: &str, inputs: &[StepInput]) -> f64 {
     let built = "the configuration is sound";
@@ -99,25 +118,19 @@ fn seconds(part: &str, inputs: &[StepInput]) -> f64 {
         run();
         start.elapsed().as_secs_f64()
     };
+    let mut filter = ErrorFilter::try_build(&off.filter).expect(built);
+    let mut isolation = FaultIsolation::try_build(&IsolationConfig::CONE).expect(built);
+    let mut thermometer =
+        TemperatureRate::try_build(&TemperatureRateConfig::of_quantum(0.0625)).expect(built);
+    let mut health = HealthMonitor::try_build(&HealthConfig::doppler_against_inertial()).expect(built);
     match part {
-        "filter" => {
-            let mut filter = ErrorFilter::try_build(&off.filter).expect(built);
-            timed(&mut || measured_filter(&mut filter, inputs))
-        }
-        "isolation" => {
-            let mut isolation = FaultIsolation::try_build(&IsolationConfig::CONE).expect(built);
-            timed(&mut || measured_isolation(&mut isolation, inputs))
-        }
-        "thermometer" => {
-            let config = TemperatureRateConfig::of_quantum(0.0625);
-            let mut thermometer = TemperatureRate::try_build(&config).expect(built);
-            timed(&mut || measured_thermometer(&mut thermometer, inputs))
-        }
-        "health" => {
-            let mut health =
-                HealthMonitor::try_build(&HealthConfig::doppler_against_inertial()).expect(built);
-            timed(&mut || measured_health(&mut health, inputs))
-        }
+        "filter" => timed(&mut || measured_filter(&mut filter, inputs)),
+        "isolation" => timed(&mut || measured_isolation(&mut isolation, inputs)),
+        "thermometer" => timed(&mut || measured_thermometer(&mut thermometer, inputs)),
+        "health" => timed(&mut || measured_health(&mut health, inputs)),
+        "four" => timed(&mut || {
+            measured_four((&mut filter, &mut isolation, &mut thermometer, &mut health), inputs);
+        }),
         _ => {
             let method = if part == "identification" { Method::Likelihood } else { Method::Off };
             let mut module = Box::new(FlightModule::new());
@@ -132,7 +145,7 @@ fn main() {
     let wanted: Vec<String> =
         std::env::args().skip(1).filter(|argument| !argument.starts_with('-')).collect();
     let rounds = if wanted.is_empty() { ROUNDS } else { 1 };
-    for part in ["filter", "isolation", "thermometer", "health", "module", "identification"] {
+    for part in ["filter", "isolation", "thermometer", "health", "four", "module", "identification"] {
         if wanted.is_empty() || wanted.iter().any(|name| name == part) {
             let best = (0..rounds).map(|_| seconds(part, &inputs)).fold(f64::INFINITY, f64::min);
             let rate = STEPS as f64 / best;
