@@ -90,6 +90,7 @@ fn amplitude() -> Amplitude {
 fn candidate(effect: &'static Effect, sensor: usize, search: Search) -> Candidate {
     let amplitudes = match search {
         Search::Frequency => vec![amplitude(), amplitude()],
+        Search::Readings(ReadingFault::IntermittentJump) => vec![amplitude()],
         Search::Noise(_) | Search::Readings(_) => Vec::new(),
         _ => vec![amplitude()],
     };
@@ -482,24 +483,54 @@ fn faults_in_readings_are_named_and_do_not_breed() {
     });
 }
 
+/// A mean that jumps on and off, with stays of these means on the average, s.
+fn jumping(seed: u64, shift: f64, [on_s, off_s]: [f64; 2]) -> Vec<f64> {
+    let mut random = Pcg64::seed_from_u64(130_000 + seed);
+    let mut uniform = || -> f64 { StandardUniform.sample(&mut random) };
+    let mut on = false;
+    (0..ROWS)
+        .map(|_| {
+            if uniform() < 1.0 / if on { on_s } else { off_s } {
+                on = !on;
+            }
+            if on { shift } else { 0.0 }
+        })
+        .collect()
+}
+
 #[test]
 fn a_mean_that_jumps_at_random_times_is_no_markov_noise() {
     // Of the height of the noise's own wandering, and with its autocorrelation.
     assert_named("jumps", |seed, values| {
-        let mut random = Pcg64::seed_from_u64(130_000 + seed);
-        let mut uniform = || -> f64 { StandardUniform.sample(&mut random) };
-        let mut on = false;
         let shift = if seed % 2 == 0 { 2.5 } else { -2.5 };
-        let jumps: Vec<f64> = (0..ROWS)
-            .map(|_| {
-                if uniform() < if on { 1.0 / 40.0 } else { 1.0 / 150.0 } {
-                    on = !on;
-                }
-                if on { shift } else { 0.0 }
-            })
-            .collect();
-        values.iter().zip(&jumps).map(|(value, jump)| value + jump).collect()
+        values.iter().zip(jumping(seed, shift, [40.0, 150.0])).map(|(value, jump)| value + jump).collect()
     });
+}
+
+#[test]
+fn height_and_stays_of_jumps_have_honest_deviations() {
+    const TRIALS: u64 = 24;
+    let truth = [("coefficient", 4.0), ("on_s", 30.0), ("off_s", 90.0)];
+    let told: Vec<_> = (0..TRIALS)
+        .into_par_iter()
+        .filter_map(|seed| {
+            let jumps = jumping(500 + seed, 4.0, [30.0, 90.0]);
+            let values = noise(40_000 + seed, ROWS).into_iter().zip(jumps).map(|(noise, jump)| noise + jump);
+            let first = answer(vec![values.collect()], false).unwrap().findings.into_iter().next()?;
+            let told = |name: &str| {
+                let parameter = first.parameters.iter().find(|it| it.name == name)?;
+                Some((parameter.value?, parameter.sigma?))
+            };
+            let deviation =
+                |(name, truth): (&str, f64)| told(name).map(|(value, sigma)| (value - truth) / sigma);
+            (first.effect == "jumps").then(|| truth.map(|it| deviation(it).expect("it is told")))
+        })
+        .collect();
+    println!("{told:.1?}");
+    assert!(told.len() as u64 >= TRIALS - 2, "{} of {TRIALS} found", told.len());
+    let outside = told.as_flattened().iter().filter(|deviation| deviation.abs() > 3.0).count();
+    println!("{outside} of {} beyond 3 σ", 3 * told.len());
+    assert!(outside <= most(3 * told.len(), 0.003).max(3), "{outside}");
 }
 
 #[test]
