@@ -864,6 +864,9 @@ fn a_thermometer_at_another_sensor_still_makes_a_gradient() {
     assert!(at(&inputs, "bias_temperature", 1, &[("column", "T")]).is_empty());
     for sensor in [0, 1] {
         assert_eq!(at(&inputs, "bias_temperature_gradient", sensor, &[]).len(), 1, "{sensor}");
+        // With the same sign for both.
+        let told = at(&inputs, "bias_temperature_gradient", sensor, &[("column", "T_far - T")]);
+        assert_eq!(told.len(), 1, "{sensor}");
     }
 }
 

@@ -258,7 +258,8 @@ impl<'r> Inputs<'r> {
     }
 
     /// Differences of two thermometers near a place: its own against each other and against all others but those at the
-    /// electronics, the others of its group first, then the nearest.
+    /// electronics, the others of its group first, then the nearest. Always the one that the case names later less the one that it names
+    /// earlier, so that a gradient has one sign for all sensors.
     pub fn gradients_at(&self, place: &Place) -> Vec<Gradient> {
         let own = self.thermometers_at(place);
         let mates: Vec<Option<&str>> = (self.recording.sensors.iter())
@@ -281,9 +282,13 @@ impl<'r> Inputs<'r> {
         others.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
         let mut near: Vec<&Thermometer> = own.clone();
         near.extend(others.into_iter().map(|(_, _, thermometer)| thermometer));
+        let named = |thermometer: &Thermometer| {
+            self.thermometers.iter().position(|it| it.column == thermometer.column)
+        };
         let mut gradients = Vec::new();
-        for (index, first) in near.iter().enumerate().take(own.len()) {
-            for second in near.iter().skip(index + 1) {
+        for (index, one) in near.iter().enumerate().take(own.len()) {
+            for other in near.iter().skip(index + 1) {
+                let (first, second) = if named(one) < named(other) { (one, other) } else { (other, one) };
                 let distance_m = (first.position_m.zip(second.position_m))
                     .map(|(a, b)| (Vector3::from(b) - Vector3::from(a)).norm())
                     .filter(|&distance| distance > 0.0);
