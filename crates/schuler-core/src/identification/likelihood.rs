@@ -367,7 +367,8 @@ impl LikelihoodIdentifier {
             (estimate, narrow.mixture().variance)
         } else {
             let samples_behind = self.window.completed().saturating_sub(self.wide.cursor());
-            let behind = (samples_behind * DECIMATION + self.window.steps()) as f32 * filter.step_s;
+            let steps_behind = samples_behind.wrapping_mul(DECIMATION).wrapping_add(self.window.steps());
+            let behind = steps_behind as f32 * filter.step_s;
             let started = if self.wide.cursor() > 0 { 1.0 } else { 0.0 };
             let mixture = self.wide.mixture();
             let age_s = started * (behind + middle_to_end(filter));
@@ -566,7 +567,8 @@ impl LikelihoodIdentifier {
                     if pass == 0 {
                         read_out.clear();
                     }
-                    read_out.begin_pass(usize::from(pass), begin + (end - begin) / 8);
+                    let start = end.wrapping_sub(begin) / 8;
+                    read_out.begin_pass(usize::from(pass), begin.wrapping_add(start));
                 }
             }
             self.evaluate(filter, &found);

@@ -89,7 +89,7 @@ impl ReadOut {
     pub fn take(&mut self, index: u32, state: &impl Kernel<f32>, counts: bool) {
         let counts = counts && index >= self.first;
         let weight = if counts { 1.0 } else { 0.0 };
-        self.count += u32::from(counts);
+        self.count = self.count.wrapping_add(u32::from(counts));
         let start = (self.pass as usize % PASSES) * LAGS_PER_PASS;
         let (mean, variances) = (state.mean(), state.variances());
         let estimates = [(mean[2], variances[2]), (mean[3], variances[3])];

@@ -21,7 +21,7 @@ impl FaultSize {
 
     /// One sample of the five-gyro parity, when all gyros could be read.
     pub(super) fn step(&mut self, parity: &Vector2<f64>, counts: bool) {
-        let next = (self.samples + u32::from(counts)).min(WINDOW);
+        let next = self.samples.wrapping_add(u32::from(counts)).min(WINDOW);
         let weight = if counts { 1.0 / f64::from(next.max(1)) } else { 0.0 };
         self.samples = next;
         self.mean += (parity - self.mean) * weight;

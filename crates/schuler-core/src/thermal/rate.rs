@@ -401,10 +401,11 @@ impl Chatter {
     /// Takes one more crossing; returns the instant of the single crossing that spends as long on the old side.
     fn cross(&mut self, now_ms: u64) -> u64 {
         let since_ms = now_ms.saturating_sub(self.last_ms);
-        self.old_side_ms += select(self.on_old_side, since_ms, 0);
+        // Disjoint intervals since the first crossing: their sum is at most now, but in a forged state.
+        self.old_side_ms = self.old_side_ms.wrapping_add(select(self.on_old_side, since_ms, 0));
         self.on_old_side = !self.on_old_side;
         self.last_ms = now_ms;
-        self.first_ms + self.old_side_ms
+        self.first_ms.wrapping_add(self.old_side_ms)
     }
 }
 
