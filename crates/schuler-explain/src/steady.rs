@@ -19,7 +19,7 @@ use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::constant_gain::ConstantGain;
+use crate::constant_gain::{ConstantGain, constant_gain};
 use crate::course::{halves, settled};
 use crate::description::Sums;
 use crate::whiten::{Filter, Space};
@@ -37,7 +37,7 @@ const FORGOTTEN: f64 = 1e-18;
 pub struct Steady {
     filter: Filter,
     /// The same where channels or states are many.
-    many: Option<ConstantGain>,
+    many: Option<Box<dyn ConstantGain>>,
     stretches: Vec<Stretch>,
 }
 
@@ -195,7 +195,7 @@ impl Steady {
         let gains: Vec<(Vec<f64>, Vec<f64>)> = levels.into_iter().map(|level| level.gain).collect();
         let filter = Filter::of_gains(&space, &gains, &index, log_variances);
         let many = (space.channels > 1 || n > FEW_STATES)
-            .then(|| ConstantGain::new([n, space.channels], &space.transition, &space.seen, &gains, index));
+            .then(|| constant_gain([n, space.channels], &space.transition, &space.seen, &gains, index));
         Some(Self { filter, many, stretches })
     }
 
