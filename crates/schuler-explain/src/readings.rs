@@ -19,8 +19,9 @@ use crate::statistics::ln_chi_squared_tail;
 
 /// Shortest run of equal readings that may be a stuck output.
 const SHORTEST_RUN: usize = 20;
-/// Fewest readings at a limit.
-const FEWEST_CLIPPED: usize = 8;
+/// Fewest readings at a limit that are more than at the next value; and fewest that are equal where others do not coincide.
+const FEWEST_PILED: usize = 8;
+const FEWEST_EQUAL: usize = 3;
 /// Fewest separate stays at a limit where the last of them lasts until the end: a stuck output stays for good, and that of a
 /// growing input stays at its largest reading.
 const FEWEST_STAYS: usize = 3;
@@ -193,20 +194,28 @@ fn clipped(sensor: usize, values: &[f64], dwells: bool, mask: &mut [bool]) -> Op
     };
     let last = levels.len() - 1;
     let ends = [(levels[last], levels[last - 1]), (levels[0], levels[1])];
+    let singles = held_once(values, &ends.map(|(end, _)| end));
     let mut evidence = 0.0;
     let mut limits = Vec::new();
     for (end, next) in ends {
         let (at_end, at_next) = (count(end), count(next));
-        if at_end >= FEWEST_CLIPPED && at_end as f64 > CLIPPED_RATIO * at_next as f64 {
+        let mut own = 0.0_f64;
+        if at_end >= FEWEST_PILED && at_end as f64 > CLIPPED_RATIO * at_next as f64 {
             // P(at least so many of the sum at the end) ≤ C(n, k) 2⁻ⁿ · 2 for k ≫ n/2.
             let n = (at_end + at_next) as f64;
-            let piled = n * std::f64::consts::LN_2
+            own = n * std::f64::consts::LN_2
                 - (ln_gamma(n + 1.0) - ln_gamma(at_end as f64 + 1.0) - ln_gamma(at_next as f64 + 1.0))
                 - std::f64::consts::LN_2;
+        }
+        let equal = singles.iter().filter(|&&value| value == end).count().min(at_end);
+        if equal >= FEWEST_EQUAL {
             // Where readings seldom coincide, so many that are equal are no chance wherever they lie.
             let coincide = (sorted.len() - levels.len()).saturating_sub(at_end - 1) as f64 + 1.0;
-            let equal = -(at_end as f64 - 1.0) * (coincide / (sorted.len() as f64 + 2.0)).ln();
-            evidence += piled.max(equal - (sorted.len() as f64).ln());
+            let rate = coincide / (sorted.len() as f64 + 2.0);
+            own = own.max(-(equal as f64 - 1.0) * rate.ln() - (sorted.len() as f64).ln());
+        }
+        if own > 0.0 {
+            evidence += own;
             limits.push(end);
         }
     }
@@ -229,6 +238,16 @@ fn clipped(sensor: usize, values: &[f64], dwells: bool, mask: &mut [bool]) -> Op
     }
     let parameters = vec![("limit", limit.abs(), true)];
     Some(Fault { sensor, fault: ReadingFault::Saturated, evidence, rows, parameters })
+}
+
+/// Readings of an output; of one that is held now and then, between the `ends` of its range too, each hold once.
+fn held_once(values: &[f64], ends: &[f64]) -> Vec<f64> {
+    let mut kept: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
+    let is_held = kept.windows(2).any(|pair| pair[0] == pair[1] && !ends.contains(&pair[0]));
+    if is_held {
+        kept.dedup();
+    }
+    kept
 }
 
 /// Whether the lattice on which all readings lie is coarser than nominal and than the noise.
@@ -454,6 +473,22 @@ mod tests {
         let mut stuck = pulse(950);
         stuck.extend([299.6; 15]);
         assert_eq!(found(&stuck), None);
+    }
+
+    /// A few equal readings at the top are clipping where no others are equal, and a hold where the output is held elsewhere.
+    #[test]
+    fn few_readings_are_clipped_where_no_others_are_equal() {
+        let jitter = |k: usize| (43_758.545_3 * (12.989_8 * k as f64).sin()).rem_euclid(1.0);
+        let peak = |k: usize| 40.0 * (-0.5 * ((k as f64 - 1500.0) / 5.0).powi(2)).exp();
+        let found = |values: &[f64]| clipped(0, values, false, &mut vec![false; values.len()]);
+        let mut values: Vec<f64> = (0..4000).map(|k| jitter(k) + peak(k)).collect();
+        assert!(found(&values).is_none());
+        values.iter_mut().for_each(|value| *value = value.min(34.0));
+        let rows = found(&values).unwrap().rows;
+        assert!((1495..1499).contains(&rows.0) && (1502..1506).contains(&rows.1), "{rows:?}");
+        let held = values[300];
+        values[300..305].fill(held);
+        assert!(found(&values).is_none());
     }
 
     /// A coarse output that stands still at its largest input, time and again, repeats the largest reading.
