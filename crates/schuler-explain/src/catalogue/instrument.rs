@@ -13,8 +13,11 @@ use crate::inputs::motion::{along, of_rows, row_of};
 use crate::inputs::series::{delayed, lagged_smooth, varies};
 use crate::inputs::{Inputs, Place, Series};
 
-/// Delays searched, s: from what a precise sensor shows in a fast motion.
-const DELAYS_S: [f64; 2] = [1e-5, 2.0];
+/// Smallest delay searched, s: what a precise sensor shows in a fast motion.
+const LEAST_DELAY_S: f64 = 1e-5;
+/// Largest delay of inertial sensors and of velocities, whose message may wait its turn on a line or under water. Radio comes up to 2 s
+/// late as a rule; a search that ended there would call what comes later a lag, and then another one.
+const MOST_DELAY_S: [f64; 2] = [2.0, 10.0];
 /// Points in a decade of delays or lags.
 const PER_DECADE: f64 = 3.0;
 /// How far beyond an end of the record an input goes straight on, steps.
@@ -33,14 +36,20 @@ pub(super) const TIME_DELAY: Effect = Effect {
     source: "IEEE Std 1559 (inertial systems), data latency",
     acts_on: any,
     candidates: |effect, inputs| {
-        let longest = DELAYS_S[1].min(inputs.duration_s() / 20.0);
-        let late = logarithmic(DELAYS_S[0], longest, PER_DECADE);
-        if late.len() < 2 {
+        let searched =
+            |most: f64| logarithmic(LEAST_DELAY_S, most.min(inputs.duration_s() / 20.0), PER_DECADE);
+        if searched(MOST_DELAY_S[0]).len() < 2 {
             return Vec::new();
         }
-        // The reference can be the late one; an accelerometer in a loop has none.
-        let either: Vec<f64> = late.iter().rev().map(|delay| -delay).chain(late.iter().copied()).collect();
-        let grid = |place: &Place| if place.port == Port::Output { either.clone() } else { late.clone() };
+        let grid = |place: &Place| -> Vec<f64> {
+            let late = searched(MOST_DELAY_S[usize::from(place.dimension() == Dimension::Velocity)]);
+            // The reference can be the late one; an accelerometer in a loop has none.
+            if place.port == Port::Output {
+                late.iter().rev().map(|delay| -delay).chain(late.iter().copied()).collect()
+            } else {
+                late
+            }
+        };
         let delay = |place: &Place| Nonlinear { name: "delay_s", unit: "s", grid: grid(place) };
         let signature = |time_s: &[f64], input: &[f64], delay_s: f64| -> Vec<f64> {
             let late = delayed(time_s, input, delay_s);
