@@ -229,6 +229,10 @@ fn clipped(sensor: usize, values: &[f64], dwells: bool, mask: &mut [bool]) -> Op
     if stays < FEWEST_STAYS && present.last() == Some(&true) {
         return None;
     }
+    // The first few readings of an output that has not begun are no limit.
+    if stays == 0 && present.iter().filter(|&&at_limit| at_limit).count() < FEWEST_PILED {
+        return None;
+    }
     let mut rows = (values.len(), 0);
     for (row, value) in values.iter().enumerate() {
         if limits.contains(value) {
@@ -485,6 +489,9 @@ mod tests {
         assert!(found(&values).is_none());
         values.iter_mut().for_each(|value| *value = value.min(34.0));
         let rows = found(&values).unwrap().rows;
+        let mut late = vec![-1.0; 5];
+        late.extend((0..4000).map(jitter));
+        assert!(found(&late).is_none());
         assert!((1495..1499).contains(&rows.0) && (1502..1506).contains(&rows.1), "{rows:?}");
         let held = values[300];
         values[300..305].fill(held);
