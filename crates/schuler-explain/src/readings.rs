@@ -487,7 +487,9 @@ mod tests {
         let found = |values: &[f64]| clipped(0, values, false, &mut vec![false; values.len()]);
         let mut values: Vec<f64> = (0..4000).map(|k| jitter(k) + peak(k)).collect();
         assert!(found(&values).is_none());
-        values.iter_mut().for_each(|value| *value = value.min(34.0));
+        for value in &mut values {
+            *value = value.min(34.0);
+        }
         let rows = found(&values).unwrap().rows;
         let mut late = vec![-1.0; 5];
         late.extend((0..4000).map(jitter));
