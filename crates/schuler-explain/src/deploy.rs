@@ -181,8 +181,10 @@ impl<'c> Context<'c> {
             terms.push(self.term(finding, target, sensor, parts, coefficient / divisor)?);
             // What it is at the mean of a temperature whose reference is not known.
             if let Some(at_mean) = value_of(finding, AT_MEAN)? {
-                let without =
-                    parts.map(|part| if matches!(part, Part::Temperature(_)) { Part::One } else { part });
+                let without = parts.map(|part| match part {
+                    Part::Temperature(_) | Part::TemperatureDifference => Part::One,
+                    other => other,
+                });
                 terms.push(self.term(finding, target, sensor, without, at_mean)?);
             }
         }
@@ -266,7 +268,9 @@ impl<'c> Context<'c> {
             Part::TemperatureRate => of(Quantity::TemperatureRate(self.thermometer(finding)?.0)),
             Part::TemperatureDifference => {
                 let [to, from] = columns(finding).ok_or("it does not say between which thermometers")?;
-                of(Quantity::TemperatureDifference(self.place(to)?, self.place(from)?))
+                let quantity = Quantity::TemperatureDifference(self.place(to)?, self.place(from)?);
+                let reference = taken_reference(finding).unwrap_or_default();
+                Ok((Factor { reference: reference as f32, ..Factor::from(quantity) }, 1.0))
             }
             Part::Input(exponent) => power(Quantity::Input, exponent),
             Part::InputMagnitude => of(Quantity::InputMagnitude),
@@ -438,12 +442,16 @@ fn columns(finding: &Finding) -> Option<[&str; 2]> {
 /// The temperature at which an effect vanishes: fitted, or that of the nominal model, or the mean that was taken.
 fn reference(finding: &Finding, sensor: Option<&Sensor>, column: &str) -> Option<f64> {
     let fitted = finding.parameters.iter().find(|it| it.name == "reference_degC").and_then(|it| it.value);
-    let taken = || text(finding, "reference")?.split_whitespace().next()?.parse().ok();
     let nominal = || {
         let dependence = sensor?.nominal.temperature_bias.as_ref()?;
         (dependence.column == column).then_some(dependence.reference_deg_c)
     };
-    fitted.or_else(taken).or_else(nominal)
+    fitted.or_else(|| taken_reference(finding)).or_else(nominal)
+}
+
+/// The number of the variant `reference`.
+fn taken_reference(finding: &Finding) -> Option<f64> {
+    text(finding, "reference")?.split_whitespace().next()?.parse().ok()
 }
 
 /// An axis of a sensor in body axes.
@@ -638,6 +646,15 @@ position_m = [0.0, 0.1, 0.0]
         assert_eq!(found.factors[0].quantity, Quantity::TemperatureDifference(1, 0));
         let expected = 5.0 * Unit::DegreePerHour.in_si() / 0.1;
         assert!((f64::from(found.coefficient) / expected - 1.0).abs() < 1e-6);
+        // About the mean of the difference, with what it is there beside it.
+        let about = [("column", "ta - tg"), ("reference", "0.25 K, the mean")];
+        let about = deployed("gx", "bias_temperature_gradient", 5.0, "deg/h/(K/m)", &about);
+        assert_eq!(term(&about).factors[0].reference, 0.25);
+        let constant = about.block.terms[1];
+        assert_eq!(
+            (constant.factors, constant.coefficient),
+            ([Factor::default(); 2], (0.5 * Unit::DegreePerHour.in_si()) as f32)
+        );
     }
 
     #[test]

@@ -863,10 +863,16 @@ fn a_thermometer_at_another_sensor_still_makes_a_gradient() {
     assert_eq!(at(&inputs, "bias_temperature", 1, &[("column", "T_far")]).len(), 1);
     assert!(at(&inputs, "bias_temperature", 1, &[("column", "T")]).is_empty());
     for sensor in [0, 1] {
-        assert_eq!(at(&inputs, "bias_temperature_gradient", sensor, &[]).len(), 1, "{sensor}");
+        let found = at(&inputs, "bias_temperature_gradient", sensor, &[]);
         // With the same sign for both.
         let told = at(&inputs, "bias_temperature_gradient", sensor, &[("column", "T_far - T")]);
-        assert_eq!(told.len(), 1, "{sensor}");
+        assert_eq!((found.len(), told.len()), (2, 2), "{sensor}");
+        // The second about its mean, which is beside it.
+        let [plain, about_mean] = [signature(&told[0], &[]), signature(&told[1], &[])];
+        let values = |signature: &Signature, column: usize| signature.columns[column].parts[0].1.clone();
+        let mean = values(&plain, 0).iter().sum::<f64>() / 4001.0;
+        assert!((values(&about_mean, 0)[7] - (values(&plain, 0)[7] - mean)).abs() < 1e-9);
+        assert_eq!((plain.columns.len(), values(&about_mean, 1)), (1, vec![1.0; 4001]));
     }
 }
 

@@ -9,7 +9,7 @@ use super::draft::{
     time_constant,
 };
 use super::{Candidate, Effect, Nonlinear};
-use crate::inputs::series::{lagged, map, play_branch, product, range, varies};
+use crate::inputs::series::{lagged, map, mean, play_branch, product, range, varies};
 use crate::inputs::{Inputs, Place, Series, Thermometer};
 
 /// Range of temperature that a square needs, K: of instruments, and of micromechanical sensors.
@@ -141,14 +141,23 @@ pub(super) const BIAS_TEMPERATURE_GRADIENT: Effect = Effect {
     candidates: |effect, inputs| {
         at_each_instrument_place(effect, inputs, |place| {
             let gradients = inputs.gradients_at(place).into_iter();
-            let drafts = gradients.map(|gradient| {
+            let drafts = gradients.flat_map(|gradient| {
                 // The magnitude is known per K; over a distance it is that times the distance.
                 let over = gradient.distance_m.unwrap_or(1.0);
                 let plausible = Plausible { gyro: Some([0.01 * over, 0.5 * over]), ..Plausible::UNKNOWN };
                 let per = if gradient.distance_m.is_some() { KELVIN_PER_METRE } else { KELVIN };
                 let [from, to] = &gradient.columns;
-                Draft::linear(place, gradient.values.to_vec(), coefficient(place, per, plausible))
-                    .with("column", format!("{to} - {from}"))
+                let of = |values: Vec<f64>| {
+                    Draft::linear(place, values, coefficient(place, per, plausible))
+                        .with("column", format!("{to} - {from}"))
+                };
+                // What an instrument heats itself, or an offset of one thermometer, is a difference that the other does not show: then
+                // its zero is as little known as the reference of a temperature.
+                let mean = mean(&gradient.values);
+                let about_mean = of(map(&gradient.values, |value| value - mean))
+                    .with_free_reference(place, vec![1.0; inputs.rows()])
+                    .with("reference", format!("{:.4} K, the mean", mean * over));
+                [of(gradient.values.to_vec()), about_mean]
             });
             drafts.collect()
         })
