@@ -17,7 +17,7 @@
 //! | `monitor` | [`HealthMonitor`]: guards in front, read-outs behind |
 //!
 //! Inputs: both readings, m/s. Outputs: [`HealthOutput`]. The work of a step does not depend on the data nor on
-//! the length of a gap: with two levels 17 600 instructions on a Cortex-M4F in single precision and 423 000 in
+//! the length of a gap: with two levels 17 200 instructions on a Cortex-M4F in single precision and 415 000 in
 //! double. Over a day single precision changes the probabilities by less than 10⁻³, so it is single precision that flies.
 //!
 //! Source: Bolelov & Sbitnev, optimisation of monitoring and diagnosis of a flight-navigation complex; Yarlykov

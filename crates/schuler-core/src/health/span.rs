@@ -155,16 +155,15 @@ impl<T: RealField + Copy, const LEVELS: usize> SpanLadder<T, LEVELS> {
     /// The span of `steps` ≤ [`MAX_SPAN_STEPS`] steps. The work does not depend on `steps`.
     pub(super) fn span(&self, steps: u32) -> Span<T, LEVELS> {
         let none = Stage::none();
-        let mut total = none;
         let mut rest = steps;
-        for [one, two, three] in &self.stages {
+        let mut stage = |[one, two, three]: &[Stage<T, LEVELS>; BASE - 1]| {
             let digit = rest % BASE as u32;
-            let stage = select(digit == 1, one, &none);
-            let stage = select(digit == 2, two, stage);
-            total = total.then(select(digit == 3, three, stage));
             rest /= BASE as u32;
-        }
-        total.span()
+            *select(digit == 3, three, select(digit == 2, two, select(digit == 1, one, &none)))
+        };
+        let [first, others @ ..] = &self.stages;
+        let first = stage(first);
+        others.iter().fold(first, |total, next| total.then(&stage(next))).span()
     }
 }
 

@@ -84,37 +84,25 @@ impl<F: Scalar> Fit<F> {
     /// Fits the model to the entries of `window` [TMP-7].
     pub fn of(window: &Window<F>, model: Model<F>) -> Self {
         let newest = window.newest();
-        let inverse_tp = F::one() / model.time_constant;
         let inverse_count = F::one() / F::from_usize(window.len()).unwrap_or_else(F::one);
 
-        // Columns s, b2 and the right-hand side z − z_r, zero where there is no entry; their means.
-        let [mut used, mut s, mut b2, mut z] = [[F::zero(); RING]; 4];
-        for place in 0..RING {
-            let (mask, seconds, above) = window.beside(&newest, place);
-            let reduced = seconds * inverse_tp;
-            (used[place], s[place], z[place]) = (mask, reduced, above);
-            b2[place] = exponential_remainder(-reduced);
-        }
-        let [mean_s, mean_b2, mean_z] = [sum(&s), sum(&b2), sum(&z)].map(|total| total * inverse_count);
+        let mut columns = Columns::empty();
+        columns.fill(window, &newest, F::one() / model.time_constant);
+        let means =
+            [&columns.s, &columns.b2, &columns.z].map(|numbers| total(&sums(numbers)) * inverse_count);
+        let [mean_s, mean_b2, mean_z] = means;
 
         // First column (constant) out; second column's products. The prior's rows are (p1, 0 | 0), (0, p2 | 0).
         let p1 = model.sigma / (real::<F>(RATE_SIGMA) * model.time_constant);
         let p2 = model.sigma / (real::<F>(CURVATURE_SIGMA) * model.time_constant * model.time_constant);
-        for (((s, b2), z), used) in s.iter_mut().zip(&mut b2).zip(&mut z).zip(&used) {
-            *s -= *used * mean_s;
-            *b2 -= *used * mean_b2;
-            *z -= *used * mean_z;
-        }
-        let ss = p1 * p1 + product(&s, &s);
+        let [ss, sb, sz] = columns.take_out_means(means).each_ref().map(total);
+        let ss = p1 * p1 + ss;
 
         // Second column out of the third and of the right-hand side.
-        let (shear, gain) = (product(&s, &b2) / ss, product(&s, &z) / ss);
-        for ((s, b2), z) in s.iter().zip(&mut b2).zip(&mut z) {
-            *b2 -= shear * *s;
-            *z -= gain * *s;
-        }
-        let bb = p2 * p2 + shear * shear * p1 * p1 + product(&b2, &b2);
-        let bz = shear * gain * p1 * p1 + product(&b2, &z);
+        let (shear, gain) = (sb / ss, sz / ss);
+        let [bb, bz] = columns.products_without_slope(shear, gain).each_ref().map(total);
+        let bb = p2 * p2 + shear * shear * p1 * p1 + bb;
+        let bz = shear * gain * p1 * p1 + bz;
 
         let curvature = bz / bb;
         let slope = gain - shear * curvature;
@@ -167,56 +155,110 @@ impl<F: Scalar> Fit<F> {
     }
 }
 
-/// A sum is made of eight, of every eighth number each, so that none of that many additions waits for another.
-const SUMS: usize = 8;
+/// A sum is made of four, of every fourth number each, so that a host takes four at once.
+const SUMS: usize = 4;
 const _: () = assert!(RING.is_multiple_of(SUMS));
 
-/// Eight sums of numbers. Not in line: a compiler that sees how the eight are added up in the end pairs them for that from the
-/// beginning, and takes two at a time instead of four.
+/// The least-squares problem: a row for each place of the window, zero where there is no entry.
+struct Columns<F> {
+    /// One where there is an entry: the column of the constant.
+    used: [F; RING],
+    s: [F; RING],
+    b2: [F; RING],
+    /// Right-hand side z − z_r, degC.
+    z: [F; RING],
+}
+
+/// What follows is not in line: a compiler that sees how the four sums are added up in the end pairs them for that from the beginning,
+/// and takes two at a time instead of four.
+impl<F: Scalar> Columns<F> {
+    /// Of no entry.
+    fn empty() -> Self {
+        Self { used: [F::zero(); RING], s: [F::zero(); RING], b2: [F::zero(); RING], z: [F::zero(); RING] }
+    }
+
+    /// `inverse_tp`: 1/T_p, 1/s.
+    #[inline(always)]
+    fn fill(&mut self, window: &Window<F>, newest: &Entry<F>, inverse_tp: F) {
+        for place in 0..RING {
+            let (used, seconds, above) = window.beside(newest, place);
+            self.used[place] = used;
+            self.s[place] = seconds * inverse_tp;
+            self.z[place] = above;
+        }
+        // From both halves at once: what is done to one need not wait for what was done to it before.
+        let (one_s, other_s) = self.s.split_at(RING / 2);
+        let (one_b2, other_b2) = self.b2.split_at_mut(RING / 2);
+        for (((b2, s), other_b2), other_s) in one_b2.iter_mut().zip(one_s).zip(other_b2).zip(other_s) {
+            *b2 = exponential_remainder(-*s);
+            *other_b2 = exponential_remainder(-*other_s);
+        }
+    }
+
+    /// Takes the constant out of s, b2 and z, whose means are given. Returns the sums of s·s, s·b2 and s·z.
+    #[inline(never)]
+    fn take_out_means(&mut self, [mean_s, mean_b2, mean_z]: [F; 3]) -> [[F; SUMS]; 3] {
+        let [mut ss, mut sb, mut sz] = [[F::zero(); SUMS]; 3];
+        let columns = self.s.as_chunks_mut::<SUMS>().0.iter_mut().zip(self.b2.as_chunks_mut::<SUMS>().0);
+        let rows = columns.zip(self.z.as_chunks_mut::<SUMS>().0).zip(self.used.as_chunks::<SUMS>().0);
+        for (((s, b2), z), used) in rows {
+            *s = each!(|i| s[i] - used[i] * mean_s; 0 1 2 3);
+            *b2 = each!(|i| b2[i] - used[i] * mean_b2; 0 1 2 3);
+            *z = each!(|i| z[i] - used[i] * mean_z; 0 1 2 3);
+            ss = each!(|i| ss[i] + s[i] * s[i]; 0 1 2 3);
+            sb = each!(|i| sb[i] + s[i] * b2[i]; 0 1 2 3);
+            sz = each!(|i| sz[i] + s[i] * z[i]; 0 1 2 3);
+        }
+        [ss, sb, sz]
+    }
+
+    /// The sums of b2·b2 and b2·z, with `shear` times s out of b2 and `gain` times s out of z.
+    #[inline(never)]
+    fn products_without_slope(&self, shear: F, gain: F) -> [[F; SUMS]; 2] {
+        let [mut bb, mut bz] = [[F::zero(); SUMS]; 2];
+        let rows = self
+            .s
+            .as_chunks::<SUMS>()
+            .0
+            .iter()
+            .zip(self.b2.as_chunks::<SUMS>().0)
+            .zip(self.z.as_chunks::<SUMS>().0);
+        for ((s, b2), z) in rows {
+            let b2 = each!(|i| b2[i] - shear * s[i]; 0 1 2 3);
+            let z = each!(|i| z[i] - gain * s[i]; 0 1 2 3);
+            bb = each!(|i| bb[i] + b2[i] * b2[i]; 0 1 2 3);
+            bz = each!(|i| bz[i] + b2[i] * z[i]; 0 1 2 3);
+        }
+        [bb, bz]
+    }
+}
+
+/// Four sums of numbers; not in line either.
 #[inline(never)]
 fn sums<F: Scalar>(numbers: &[F; RING]) -> [F; SUMS] {
     let mut sums = [F::zero(); SUMS];
     for n in numbers.as_chunks::<SUMS>().0 {
-        sums = each!(|i| sums[i] + n[i]; 0 1 2 3 4 5 6 7);
+        sums = each!(|i| sums[i] + n[i]; 0 1 2 3);
     }
     sums
-}
-
-/// Eight sums of products; not in line either.
-#[inline(never)]
-fn sums_of_products<F: Scalar>(one: &[F; RING], other: &[F; RING]) -> [F; SUMS] {
-    let mut sums = [F::zero(); SUMS];
-    for (a, b) in one.as_chunks::<SUMS>().0.iter().zip(other.as_chunks::<SUMS>().0) {
-        sums = each!(|i| sums[i] + a[i] * b[i]; 0 1 2 3 4 5 6 7);
-    }
-    sums
-}
-
-/// All numbers added up.
-fn sum<F: Scalar>(numbers: &[F; RING]) -> F {
-    total(&sums(numbers))
-}
-
-/// All products added up.
-fn product<F: Scalar>(one: &[F; RING], other: &[F; RING]) -> F {
-    total(&sums_of_products(one, other))
 }
 
 /// Not in line: once is enough in flash.
 #[inline(never)]
-fn total<F: Scalar>(sums: &[F; SUMS]) -> F {
-    let [a, b, c, d] = each!(|i| sums[i] + sums[i + 4]; 0 1 2 3);
-    (a + b) + (c + d)
+fn total<F: Scalar>([a, b, c, d]: &[F; SUMS]) -> F {
+    (*a + *b) + (*c + *d)
 }
+
+/// 1/9!, 1/8!, … 1/2!.
+const SERIES: [f64; 8] =
+    [1.0 / 362880.0, 1.0 / 40320.0, 1.0 / 5040.0, 1.0 / 720.0, 1.0 / 120.0, 1.0 / 24.0, 1.0 / 6.0, 0.5];
 
 /// `exp(u) − 1 − u` to working precision for |u| ≤ 4: a polynomial at u/8, then
 /// `r(2v) = (exp(v) − 1)² + 2·r(v)` three times. No term cancels, unlike the definition at small u.
 pub fn exponential_remainder<F: Scalar>(u: F) -> F {
-    /// 1/2!, 1/3!, … 1/9!, highest order first.
-    const SERIES: [f64; 8] =
-        [1.0 / 362880.0, 1.0 / 40320.0, 1.0 / 5040.0, 1.0 / 720.0, 1.0 / 120.0, 1.0 / 24.0, 1.0 / 6.0, 0.5];
     let mut v = u * real(0.125);
-    let mut remainder = SERIES.iter().fold(F::zero(), |sum, c| sum * v + real(*c)) * v * v;
+    let [first, others @ ..] = &SERIES;
+    let mut remainder = others.iter().fold(real(*first), |sum: F, c| sum * v + real(*c)) * v * v;
     for _ in 0..3 {
         let growth = v + remainder;
         remainder = growth * growth + (remainder + remainder);
