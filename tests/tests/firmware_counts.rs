@@ -72,7 +72,7 @@ const LIMITS: [(&str, u32, f64); 24] = [
     ("module step, no identification", SHARE_OF_A_SECOND, 1.0),
     ("module step, published loop", SHARE_OF_A_SECOND, 3.0),
     ("module step", SHARE_OF_A_SECOND, 3.0),
-    ("module step, clocks that jump", SHARE_OF_A_SECOND, 5.2),
+    ("module step, clocks that jump", SHARE_OF_A_SECOND, 3.0),
     // Among the frames is one configuration, which takes the most.
     ("main loop: a frame with a step, its answer", 600_000, 100.0),
 ];

@@ -30,8 +30,8 @@ use crate::saved::{Saved, Walk, saved};
 
 /// Samples replayed per step.
 const REPLAY_SAMPLES: u32 = 256;
-/// Samples not replayed in a step that has laid out the wide bank: it takes as long.
-const LAYING_SAMPLES: u32 = 57;
+/// Samples not replayed in a step that has laid out the wide bank: that, and what else a jump of the clock restarts, takes as long.
+const LAYING_SAMPLES: u32 = 76;
 /// Samples replayed per step while lagged products are collected.
 const READ_OUT_SAMPLES: u32 = 192;
 /// Samples replayed per step with six states.
