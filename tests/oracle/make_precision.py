@@ -3,10 +3,10 @@ compares its double-double reference with.
 
     make_precision.py > crates/schuler-core/tests/fifty_digits.txt
 
-Ten hours of the filter of FILTER (FIL-3 to FIL-9): Φ is the exponential of F Δ, Q the integral of Φ(s) L Φ(s)ᵀ by Gauss-Legendre
+Ten hours of the filter of FILTER (FIL-3 and FIL-5 to FIL-8): Φ is the exponential of F Δ, Q the integral of Φ(s) L Φ(s)ᵀ by Gauss-Legendre
 quadrature (the Rust reference takes both from one exponential of Van Loan's block). Determinants of [A y] without a row (FDI-3)
 are rational numbers. Each line: what, its input or step, and numbers as two doubles whose sum has 106 bits. Needs mpmath
-(1.3.0; with gmpy2 it takes a quarter of a minute).
+(1.4.1; with gmpy2 it takes a quarter of a minute).
 """
 
 import fractions

@@ -1,10 +1,12 @@
-//! How fast the host replays: steps per second of CPU time of one core, the whole module and each of its parts.
+//! How fast the host replays: steps per second on one core, the whole module and each of its parts.
 //!
-//! `cargo bench -p schuler-core --bench replay` prints the rates. With the name of a part it runs that alone, for
-//! `tests/host_speed`, which counts its instructions under callgrind (between calls of `measured_…`).
+//! `cargo bench -p schuler-core --bench replay` prints the rates; others use the machine, so the fastest of the rounds is what to
+//! read. `tests/host_speed` runs each part once with `--test` and counts its instructions under callgrind (between calls of
+//! `measured_…`).
 use std::hint::black_box;
 
-use cpu_time::ProcessTime;
+use divan::Bencher;
+use divan::counter::ItemsCount;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use rand_pcg::rand_core::SeedableRng;
@@ -17,8 +19,8 @@ use schuler_core::reading::Reading;
 use schuler_core::thermal::{TemperatureRate, TemperatureRateConfig};
 
 const STEPS: usize = 40_000;
-/// Rounds of which the fastest counts: others use the machine.
-const ROUNDS: usize = 5;
+const ROUNDS: u32 = 25;
+const SOUND: &str = "the configuration is sound";
 
 fn inputs() -> Vec<StepInput> {
     let mut random = Pcg64::seed_from_u64(1);
@@ -56,7 +58,7 @@ fn config(method: Method) -> ModuleConfig {
 }
 
 #[inline(never)]
-fn measured_module(module: &mut FlightModule, inputs: &[StepInput]) {
+fn measured_module(module: &mut Box<FlightModule>, inputs: &[StepInput]) {
     for input in inputs {
         black_box(module.step(input));
     }
@@ -93,11 +95,11 @@ fn measured_health(health: &mut HealthMonitor<f32, 2>, inputs: &[StepInput]) {
 /// Filter, isolation, one thermometer and the monitor one after another in each step, as in a replay.
 #[inline(never)]
 fn measured_four(
-    (filter, isolation, thermometer, health): (
-        &mut ErrorFilter<f32>,
-        &mut FaultIsolation,
-        &mut TemperatureRate<f32>,
-        &mut HealthMonitor<f32, 2>,
+    (filter, isolation, thermometer, health): &mut (
+        ErrorFilter<f32>,
+        FaultIsolation,
+        TemperatureRate<f32>,
+        HealthMonitor<f32, 2>,
     ),
     inputs: &[StepInput],
 ) {
@@ -109,47 +111,69 @@ fn measured_four(
     }
 }
 
-/// CPU time of a part over all inputs, s.
-fn seconds(part: &str, inputs: &[StepInput]) -> f64 {
-    let built = "the configuration is sound";
-    let off = config(Method::Off);
-    let timed = |run: &mut dyn FnMut()| {
-        let start = ProcessTime::now();
-        run();
-        start.elapsed().as_secs_f64()
-    };
-    let mut filter = ErrorFilter::try_build(&off.filter).expect(built);
-    let mut isolation = FaultIsolation::try_build(&IsolationConfig::CONE).expect(built);
-    let mut thermometer =
-        TemperatureRate::try_build(&TemperatureRateConfig::of_quantum(0.0625)).expect(built);
-    let mut health = HealthMonitor::try_build(&HealthConfig::doppler_against_inertial()).expect(built);
-    match part {
-        "filter" => timed(&mut || measured_filter(&mut filter, inputs)),
-        "isolation" => timed(&mut || measured_isolation(&mut isolation, inputs)),
-        "thermometer" => timed(&mut || measured_thermometer(&mut thermometer, inputs)),
-        "health" => timed(&mut || measured_health(&mut health, inputs)),
-        "four" => timed(&mut || {
-            measured_four((&mut filter, &mut isolation, &mut thermometer, &mut health), inputs);
-        }),
-        _ => {
-            let method = if part == "identification" { Method::Likelihood } else { Method::Off };
-            let mut module = Box::new(FlightModule::new());
-            module.configure(&config(method)).expect(built);
-            timed(&mut || measured_module(&mut module, inputs))
-        }
-    }
+/// Times `run` over all inputs from a part as it is built; what is built is not timed.
+fn replay<P>(bencher: Bencher<'_, '_>, build: impl Fn() -> P, run: fn(&mut P, &[StepInput])) {
+    let inputs = inputs();
+    bencher.counter(ItemsCount::new(STEPS)).with_inputs(build).bench_local_refs(|part| run(part, &inputs));
+}
+
+fn error_filter() -> ErrorFilter<f32> {
+    ErrorFilter::try_build(&config(Method::Off).filter).expect(SOUND)
+}
+
+fn gyro_block() -> FaultIsolation {
+    FaultIsolation::try_build(&IsolationConfig::CONE).expect(SOUND)
+}
+
+fn thermometer_rate() -> TemperatureRate<f32> {
+    TemperatureRate::try_build(&TemperatureRateConfig::of_quantum(0.0625)).expect(SOUND)
+}
+
+fn monitor() -> HealthMonitor<f32, 2> {
+    HealthMonitor::try_build(&HealthConfig::doppler_against_inertial()).expect(SOUND)
+}
+
+fn whole(method: Method) -> Box<FlightModule> {
+    let mut module = Box::new(FlightModule::new());
+    module.configure(&config(method)).expect(SOUND);
+    module
+}
+
+#[divan::bench(sample_count = ROUNDS, sample_size = 1)]
+fn filter(bencher: Bencher<'_, '_>) {
+    replay(bencher, error_filter, measured_filter);
+}
+
+#[divan::bench(sample_count = ROUNDS, sample_size = 1)]
+fn isolation(bencher: Bencher<'_, '_>) {
+    replay(bencher, gyro_block, measured_isolation);
+}
+
+#[divan::bench(sample_count = ROUNDS, sample_size = 1)]
+fn thermometer(bencher: Bencher<'_, '_>) {
+    replay(bencher, thermometer_rate, measured_thermometer);
+}
+
+#[divan::bench(sample_count = ROUNDS, sample_size = 1)]
+fn health(bencher: Bencher<'_, '_>) {
+    replay(bencher, monitor, measured_health);
+}
+
+#[divan::bench(sample_count = ROUNDS, sample_size = 1)]
+fn four(bencher: Bencher<'_, '_>) {
+    replay(bencher, || (error_filter(), gyro_block(), thermometer_rate(), monitor()), measured_four);
+}
+
+#[divan::bench(sample_count = ROUNDS, sample_size = 1)]
+fn module(bencher: Bencher<'_, '_>) {
+    replay(bencher, || whole(Method::Off), measured_module);
+}
+
+#[divan::bench(sample_count = ROUNDS, sample_size = 1)]
+fn identification(bencher: Bencher<'_, '_>) {
+    replay(bencher, || whole(Method::Likelihood), measured_module);
 }
 
 fn main() {
-    let inputs = inputs();
-    let wanted: Vec<String> =
-        std::env::args().skip(1).filter(|argument| !argument.starts_with('-')).collect();
-    let rounds = if wanted.is_empty() { ROUNDS } else { 1 };
-    for part in ["filter", "isolation", "thermometer", "health", "four", "module", "identification"] {
-        if wanted.is_empty() || wanted.iter().any(|name| name == part) {
-            let best = (0..rounds).map(|_| seconds(part, &inputs)).fold(f64::INFINITY, f64::min);
-            let rate = STEPS as f64 / best;
-            println!("{part:<16} {rate:>12.0} steps/s {:>10.1} ns/step {STEPS} steps", 1e9 / rate);
-        }
-    }
+    divan::main();
 }

@@ -1,17 +1,18 @@
-//! How fast tables are read: megabytes per second of CPU time.
+//! How fast tables are read: bytes per second on one core.
 //!
-//! `cargo bench -p schuler-recording --bench table`; with the name of one it reads that alone, once, for callgrind.
+//! `cargo bench -p schuler-recording --bench table` prints the rates; others use the machine, so the fastest of the rounds is what
+//! to read. `tests/host_speed` reads each table once with `--test`, under callgrind.
 use std::fmt::Write as _;
 use std::hint::black_box;
 use std::path::Path;
 
-use cpu_time::ProcessTime;
+use divan::Bencher;
+use divan::counter::BytesCount;
 use schuler_recording::table::open_bytes;
 
 const ROWS: usize = 100_000;
 const COLUMNS: usize = 12;
-/// Rounds of which the fastest counts: others use the machine.
-const ROUNDS: usize = 5;
+const ROUNDS: u32 = 10;
 
 /// Numbers with as many digits as a double holds, as the simulator writes, or as few as a converter gives.
 fn table(digits: Option<usize>) -> Vec<u8> {
@@ -37,28 +38,30 @@ fn table(digits: Option<usize>) -> Vec<u8> {
 }
 
 #[inline(never)]
-fn measured_read(bytes: Vec<u8>) -> f64 {
-    let start = ProcessTime::now();
+fn measured_read(bytes: Vec<u8>) {
     let table = open_bytes(Path::new("table.csv"), bytes).expect("the table is sound");
     let wanted: Vec<usize> = (0..COLUMNS).collect();
     black_box(table.read(&wanted).expect("the table is sound"));
-    start.elapsed().as_secs_f64()
+}
+
+fn read(bencher: Bencher<'_, '_>, digits: Option<usize>) {
+    let bytes = table(digits);
+    bencher
+        .counter(BytesCount::of_slice(&bytes))
+        .with_inputs(|| bytes.clone())
+        .bench_local_values(measured_read);
+}
+
+#[divan::bench(sample_count = ROUNDS, sample_size = 1)]
+fn doubles(bencher: Bencher<'_, '_>) {
+    read(bencher, None);
+}
+
+#[divan::bench(sample_count = ROUNDS, sample_size = 1)]
+fn converter(bencher: Bencher<'_, '_>) {
+    read(bencher, Some(4));
 }
 
 fn main() {
-    let wanted: Vec<String> =
-        std::env::args().skip(1).filter(|argument| !argument.starts_with('-')).collect();
-    let rounds = if wanted.is_empty() { ROUNDS } else { 1 };
-    for (name, digits) in [("doubles", None), ("converter", Some(4))] {
-        if wanted.is_empty() || wanted.iter().any(|other| other == name) {
-            let bytes = table(digits);
-            let best = (0..rounds).map(|_| measured_read(bytes.clone())).fold(f64::INFINITY, f64::min);
-            let megabytes = bytes.len() as f64 / 1e6;
-            println!(
-                "{name:<12} {megabytes:.1} MB {:>8.1} MB/s {:.1} ns/cell",
-                megabytes / best,
-                1e9 * best / (ROWS * COLUMNS) as f64
-            );
-        }
-    }
+    divan::main();
 }
