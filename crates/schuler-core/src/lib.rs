@@ -48,3 +48,9 @@ mod number;
 pub mod reading;
 mod saved;
 pub mod thermal;
+
+/// How often a test repeats something. Miri, some hundred times as slow, sees the same code in a hundredth of it.
+#[cfg(test)]
+const fn repeats(often: u32) -> u32 {
+    if cfg!(miri) { often.div_ceil(100) } else { often }
+}

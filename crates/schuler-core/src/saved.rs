@@ -480,7 +480,7 @@ mod tests {
         fresh: &V,
         mut step: impl FnMut(&mut V, u32) -> O,
     ) {
-        for before in [0, 1, 13, 400] {
+        for before in [0, 1, 13, crate::repeats(400)] {
             let mut one = fresh.clone();
             for k in 0..before {
                 step(&mut one, k);
@@ -490,7 +490,7 @@ mod tests {
             let mut walk = Walk::restore(0, &saved, Checksum::EMPTY);
             two.walk(&mut walk);
             assert_eq!((walk.served() as usize, walk.is_flawed()), (saved.len(), false));
-            for k in before..before + 200 {
+            for k in before..before + crate::repeats(200) {
                 assert_eq!(step(&mut one, k), step(&mut two, k));
             }
             assert_eq!(bytes(&mut one), bytes(&mut two));

@@ -69,7 +69,7 @@ mod tests {
             (-g * d + a, v / r + w)
         };
         response.pass(errors(0.0).map(|e| e as f32), RADIUS, GRAVITY, 0.0);
-        for k in 0..20_000u32 {
+        for k in 0..crate::repeats(20_000) {
             let t = f64::from(k);
             let (k1, l1) = slope(t, v, d);
             let (k2, l2) = slope(t + 0.5, v + 0.5 * k1, d + 0.5 * l1);

@@ -359,7 +359,7 @@ mod tests {
         let six = ColouredModel::exact(&CONFIG, &a, &w, 10.0);
         let mut small = CONFIG.prior();
         let mut large = ColouredGaussian::stationary([0.0; 2], [0.1, 1e-4], &a, &w);
-        for k in 0..500 {
+        for k in 0..crate::repeats(500) {
             let z = (f64::from(k) * 0.1).sin();
             Gaussian::predict(&mut small, &four);
             large.predict(&six);

@@ -262,7 +262,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(1000))]
+        #![proptest_config(ProptestConfig::with_cases(crate::repeats(1000)))]
 
         /// Golden H4: the source's correlated-noise filter is the same as predicting and updating with H.
         #[test]

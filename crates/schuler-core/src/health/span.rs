@@ -247,7 +247,7 @@ mod tests {
         let ladder = SpanLadder::new(&config);
         let one = Stage::one(&config);
         let mut composed = Stage::none();
-        for steps in 0..=MAX_SPAN_STEPS {
+        for steps in 0..=crate::repeats(MAX_SPAN_STEPS) {
             let (found, expected) = (ladder.span(steps), composed.span());
             let flat = |span: &Span<f64, 3>| {
                 let mut all = std::vec![span.correlation, span.duration, span.unbroken];
