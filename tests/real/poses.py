@@ -31,9 +31,16 @@ def main():
                 if prefix == "g":
                     report.estimate(case, name, "g_sensitivity", "coefficient", value, sigma, "deg/s/g", axis="xyz"[j])
                 elif j == k:
-                    report.estimate(case, name, "scale_factor", "coefficient", 1e3 * value, 1e3 * sigma, "ppm")
+                    # What the whole unit has too, counts.
+                    whole = [{"sensor": "imu", "effect": "scale_factor", "parameter": "coefficient", "factor": 1.0}]
+                    report.estimate(case, name, "scale_factor", "coefficient", 1e3 * value, 1e3 * sigma, "ppm", also=whole)
                 else:
-                    report.estimate(case, name, "misalignment", "coefficient", 1e-3 * value, 1e-3 * sigma, "rad", axis="xyz"[j])
+                    # Of a unit that is turned by the angles e the sensor along k feels (f x e)_k.
+                    third = 3 - j - k
+                    turned = {"sensor": "imu", "effect": "misalignment", "parameter": f"angle_{'xyz'[third]}",
+                              "factor": float(np.linalg.det(np.eye(3)[[j, third, k]]))}
+                    report.estimate(case, name, "misalignment", "coefficient", 1e-3 * value, 1e-3 * sigma, "rad",
+                                    axis="xyz"[j], also=[turned])
             report.allow(case, name, "bias_constant", "noise_white", "noise_markov", "noise_random_walk", "noise_flicker",
                          "noise_variance_step", "noise_exp_cos", "noise_outliers", "noise_angle_quantisation")
             if prefix == "a":

@@ -22,6 +22,11 @@ def walk(frequency, step, q):
     return 2 * step * q**2 * step / (4 * np.sin(np.pi * frequency * step) ** 2)
 
 
+def flicker(frequency, level):
+    """Density level^2/f: falls slowly enough for its aliases to count little."""
+    return level**2 / frequency
+
+
 def exponential_cosine(frequency, step, sigma, alpha, beta):
     """Density of R = s^2 exp(-alpha tau) cos(beta tau), sampled: two shifted Markov lines."""
     a = np.exp(-alpha * step)
@@ -37,6 +42,9 @@ MODELS = {
     "white + random walk": ["walk"],
     "white + markov + random walk": ["markov", "walk"],
     "white + two markov": ["markov", "markov"],
+    "white + flicker": ["flicker"],
+    "white + flicker + markov": ["flicker", "markov"],
+    "white + flicker + random walk": ["flicker", "walk"],
 }
 
 
@@ -49,6 +57,9 @@ def density(parameters, parts, frequency, step):
             k += 2
         elif part == "walk":
             total += walk(frequency, step, p[k])
+            k += 1
+        elif part == "flicker":
+            total += flicker(frequency, p[k])
             k += 1
         else:
             total += exponential_cosine(frequency, step, p[k], p[k + 1], p[k + 2])
@@ -81,7 +92,10 @@ def structures(values, step, extra=()):
     for name, parts in MODELS.items():
         start, taus = [white], iter([duration / 20, duration / 200])
         for part in parts:
-            start += [0.7 * spread, next(taus)] if part == "markov" else [0.3 * spread / np.sqrt(duration / 10)]
+            if part == "markov":
+                start += [0.7 * spread, next(taus)]
+            else:
+                start.append(0.3 * spread / np.sqrt(duration / 10) if part == "walk" else 0.3 * spread)
         extras = [part for part, _ in extra]
         start += [number for _, numbers in extra for number in numbers]
         likelihood, values_, deviations = fit(frequency, power, step, parts + extras, start)
@@ -118,22 +132,34 @@ def slope(values, step):
     return stats.linregress(np.arange(len(values)) * step, values)
 
 
-def level_changes(values, length):
-    """Places and sizes of changes between neighbouring means of `length` values that Gaussian noise of any spectrum would hardly
-    show: beyond the quantile of 0.1 % for all of them, in standard deviations by the median. Largest first."""
-    rows = len(values) // length * length
-    change = np.diff(np.reshape(values[:rows], (-1, length)).mean(axis=1))
-    sigma = np.median(np.abs(change - np.median(change))) / stats.norm.ppf(0.75)
-    # Readings of few steps may have no spread at all.
-    sigma = max(sigma, np.std(change) / 10)
-    order = np.argsort(-np.abs(change))
-    beyond = sigma * stats.norm.isf(0.5e-3 / len(change))
-    return [((k + 1) * length, float(change[k])) for k in order if abs(change[k]) > beyond]
+def level_changes(values, lengths):
+    """Places and sizes of changes of level that Gaussian noise of any spectrum would hardly show, largest first.
+
+    At every row the mean of the `length` values from there on is compared with that of as many before, for each of `lengths`;
+    a change counts beyond the quantile of 0.1 % for all rows and lengths, in standard deviations by the median. Means of fixed
+    stretches, compared with their neighbours, see a change in the middle of a stretch by half.
+    """
+    sums, found = np.concatenate([[0.0], np.cumsum(values)]), []
+    for length in lengths:
+        rows = np.arange(length, len(values) - length + 1)
+        change = (sums[rows + length] - 2 * sums[rows] + sums[rows - length]) / length
+        sigma = np.median(np.abs(change - np.median(change))) / stats.norm.ppf(0.75)
+        # Readings of few steps may have no spread at all.
+        sigma = max(sigma, np.std(change) / 10)
+        ratio = np.abs(change) / sigma
+        beyond = stats.norm.isf(0.5e-3 / (len(rows) * len(lengths)))
+        found += [(ratio[k], int(rows[k]), float(change[k]), length) for k in np.flatnonzero(ratio > beyond)]
+    changes = []
+    for _, row, size, length in sorted(found, reverse=True):
+        # What is nearer than a window is the same change.
+        if all(abs(row - other) > max(length, reach) for other, _, reach in changes):
+            changes.append((row, size, length))
+    return [(row, size) for row, size, _ in changes]
 
 
-def allow_level_changes(report, case, name, values, length):
+def allow_level_changes(report, case, name, values, lengths):
     """Names for levels that change, of which a jump that comes and goes takes two; the changes, largest first."""
-    changes = level_changes(values, length)
+    changes = level_changes(values, lengths)
     if changes:
         report.allow(case, name, "bias_step")
     if len(changes) > 1:

@@ -10,6 +10,8 @@ import pandas as pd
 from common import DATA, STANDARD_GRAVITY, Report
 from spectrum import allan, allow_level_changes, strongest_line, structures
 
+# What other parts of the noise are named: the white level that is left is another beside each of them.
+EFFECTS = {"markov": "noise_markov", "walk": "noise_random_walk", "flicker": "noise_flicker", "exp_cos": "noise_exp_cos"}
 COUNTS = [8.726646e-4] * 3 + [0.0326561] * 3
 
 
@@ -37,9 +39,11 @@ def main():
             best = structures(column, step, extra)
             score, structure, parts, likelihood, parameters, deviations = best[0]
             gain = likelihood - [row for row in best if row[1] == "white"][0][3]
-            sigma = parameters[0] * deviations[0]
-            report.estimate(case, name, "noise_white", "sigma", parameters[0], sigma, unit,
-                            gain=0.5 * ((parameters[0] - white) / sigma) ** 2)
+            report.case(case)["optional"] = list(EFFECTS.values())
+            for _, _, others, _, levels, spreads in best:
+                sigma = levels[0] * spreads[0]
+                report.estimate(case, name, "noise_white", "sigma", levels[0], sigma, unit,
+                                gain=0.5 * ((levels[0] - white) / sigma) ** 2, beside=sorted({EFFECTS[part] for part in others}))
             k = 1
             for part in parts:
                 p, d = parameters[k:], deviations[k:]
@@ -50,6 +54,9 @@ def main():
                 elif part == "walk":
                     report.estimate(case, name, "noise_random_walk", "coefficient", p[0], p[0] * d[0], f"{unit}/sqrt(s)", gain=gain)
                     k += 1
+                elif part == "flicker":
+                    # Its level is said in as many ways as there are programs.
+                    k += 1
                 else:
                     line = {"peak_over_median": float(ratio)}
                     report.estimate(case, name, "noise_exp_cos", "sigma", p[0], p[0] * d[0], unit, gain=ratio, **line)
@@ -59,8 +66,8 @@ def main():
                     k += 3
             report.allow(case, name, "noise_white", "noise_markov", "noise_random_walk", "noise_flicker",
                          "noise_angle_quantisation", "noise_variance_step", "noise_exp_cos", "noise_outliers")
-            # Ten seconds are above the line's period and below all slow parts.
-            jumps = len(allow_level_changes(report, case, name, column, round(10 / step)))
+            # Five to twenty seconds are above the line's period and below all slow parts.
+            jumps = len(allow_level_changes(report, case, name, column, [round(s / step) for s in (5, 10, 20)]))
             # A slow part is as well a drift over the record; a wandering one has steps.
             if structure != "white":
                 report.allow(case, name, "bias_drift_linear", "bias_warmup", "bias_step")
