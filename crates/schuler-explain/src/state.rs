@@ -596,7 +596,8 @@ pub fn refitted_above<'c>(
                 (bench.key(index), free.clone()),
                 || {
                     let block = &case.model.blocks[index];
-                    polish(block, spectrum, &whitened.projected, &state.noises, &free, least)
+                    let known = (whitened.log_likelihood, whitened.sums.solution().amplitudes);
+                    polish(block, spectrum, &whitened.projected, &state.noises, &free, least, Some(known))
                 },
                 // One that ended early is no maximum.
                 |fit| fit.log_likelihood >= least,
