@@ -12,8 +12,11 @@
 //! change of noise may imitate two of other sources in the same channel, and gain more than either: where sources meet and
 //! a change was taken, the search goes on from the description without it, and once from all parts that the user names, with the
 //! values that fit best together.
+//!
+//! All that has a budget of work ([`crate::budget`]): the search from nothing has the whole of it, all others share what it leaves.
 use rayon::prelude::*;
 
+use crate::budget::{Budget, of_round};
 use crate::catalogue::{Candidate, NoiseChange, Search, Target};
 use crate::description::{Term, blocks_of};
 use crate::jump::jumps;
@@ -78,6 +81,8 @@ pub struct Selection<'c> {
     pub shown: Vec<(Item, Shown)>,
     /// Nothing but constants and nuisances.
     pub null: State,
+    /// Whether the search ended at its budget of work.
+    pub exceeded: bool,
 }
 
 /// ln of the places searched and degrees of freedom by which an accepted term is judged.
@@ -105,22 +110,24 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
     let first = Promised::new(&bench, &whole, &family);
     drop((bench, whole));
     let ln_level = level.ln();
-    let valued = |found: Found<'c>| {
-        let found = merged(case, found, &family, ln_level);
-        (worth(case, &found, &family), found)
+    let valued = |found: Found<'c>, mut budget: Budget| {
+        let found = merged(case, found, &family, ln_level, &mut budget);
+        (worth(case, &found, &family), found, budget)
     };
-    let from_nothing =
-        |way: Way| valued(forward(case, (null.clone(), Vec::new()), &family, ln_level, way, first.clone()));
+    let from_nothing = |way: Way, mut budget: Budget| {
+        let start = (null.clone(), Vec::new());
+        valued(forward(case, start, &family, ln_level, way, first.clone(), &mut budget), budget)
+    };
     // From another description, pruned.
-    let from = |start: State, prices: Vec<Price>, way: Way| {
+    let from = |start: State, prices: Vec<Price>, way: Way, mut budget: Budget| {
         let (start, bench, prices) = pruned(case, start, prices, &family, ln_level);
         let stale = changed_blocks(case.model, &null, &start);
         let mut promised = first.clone();
         promised.renew(&bench, &family, &|candidate| touches(case, candidate, &stale));
-        valued(forward(case, (start, prices), &family, ln_level, way, promised))
+        valued(forward(case, (start, prices), &family, ln_level, way, promised, &mut budget), budget)
     };
-    let straight = from_nothing(Way::Best);
-    let (best, _, prices) = &straight.1;
+    let straight = from_nothing(Way::Best, Budget::new(case.model));
+    let ((best, _, prices), mut budget) = (&straight.1, straight.2);
     let mut others = Vec::new();
     if !best.changes.is_empty() {
         others.push(Way::TermsFirst);
@@ -133,20 +140,29 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
             others.push(Way::Parts(index));
         }
     }
+    let share = budget.shared_among(others.len());
+    // What goes on from another description begins with a round's work on it.
+    let blocks: Vec<usize> = (0..case.model.blocks.len()).collect();
+    let mut rest = share;
+    if !rest.affords(of_round(case, best, &blocks)) {
+        budget.exceeded |= others.iter().any(|way| *way != Way::TermsFirst);
+        others.retain(|way| *way == Way::TermsFirst);
+    }
     let searched = |way: Way| match way {
-        Way::Best | Way::TermsFirst => from_nothing(way),
+        Way::Best | Way::TermsFirst => from_nothing(way, share),
         Way::Without(candidate) => {
             let place = best.changes.iter().position(|change| change.candidate == candidate);
             let less = place.map(|place| without(case, best, Item::Change(place)).0);
-            from(less.unwrap_or_else(|| best.clone()), prices.clone(), way)
+            from(less.unwrap_or_else(|| best.clone()), prices.clone(), way, rest)
         }
-        Way::Parts(block) => from(parts(case, &null, block), Vec::new(), way),
+        Way::Parts(block) => from(parts(case, &null, block), Vec::new(), way, rest),
     };
     let found: Vec<_> = others.into_par_iter().map(searched).collect();
-    let (_, (state, bench, prices)) =
+    let exceeded = budget.exceeded || found.iter().any(|(_, _, budget)| budget.exceeded);
+    let (_, (state, bench, prices), _) =
         found.into_iter().fold(straight, |best, other| if other.0 > best.0 { other } else { best });
     let shown = shown_up_to(case, &state, &prices, &family, f64::INFINITY);
-    Selection { state, bench, family, shown, null }
+    Selection { state, bench, family, shown, null, exceeded }
 }
 
 /// What a round takes.
@@ -241,6 +257,7 @@ fn forward<'c>(
     ln_level: f64,
     way: Way,
     mut promised: Promised,
+    budget: &mut Budget,
 ) -> Found<'c> {
     let mut bench = Bench::new(case, &state.terms, &state.noises);
     let mut terms_only = way == Way::TermsFirst;
@@ -248,8 +265,12 @@ fn forward<'c>(
     // Blocks whose changes of noise are to be fitted anew.
     let mut unfitted: Vec<usize> = (0..case.model.blocks.len()).collect();
     let mut visited: Vec<(Vec<usize>, Vec<usize>)> = vec![identity(&state)];
+    let mut stale: Vec<usize> = unfitted.clone();
     for round in 0..MOST_ROUNDS {
         if state.terms.len() + state.changes.len() >= MOST_FINDINGS || case.watch.is_cancelled() {
+            break;
+        }
+        if !budget.affords(of_round(case, &state, &stale)) {
             break;
         }
         case.watch.progress(Phase::Search, round as f64 / (round as f64 + USUAL_ROUNDS));
@@ -296,7 +317,7 @@ fn forward<'c>(
             break;
         }
         visited.push(identity(&next));
-        let stale = changed_blocks(case.model, &state, &next);
+        stale = changed_blocks(case.model, &state, &next);
         unfitted.extend(&stale);
         (state, bench, prices) = (next, next_bench, next_prices);
         promised.renew(&bench, family, &|candidate| touches(case, candidate, &stale));
@@ -612,6 +633,7 @@ fn merged<'c>(
     (mut state, mut bench, mut prices): Found<'c>,
     family: &Family,
     ln_level: f64,
+    budget: &mut Budget,
 ) -> Found<'c> {
     for source in 0..case.model.sources.len() {
         let origin = &case.model.sources[source];
@@ -624,6 +646,12 @@ fn merged<'c>(
         let terms = state.terms.iter().filter(|term| of_source(term)).count();
         let changes = state.changes.iter().filter(|change| change.source == source).count();
         if changes == 0 || terms + changes < 2 {
+            continue;
+        }
+        let blocks: Vec<usize> = (0..case.model.blocks.len())
+            .filter(|&block| case.model.blocks[block].sources.contains(&source))
+            .collect();
+        if !budget.affords(of_round(case, &state, &blocks)) {
             continue;
         }
         let penalty = |gain: f64, price: &Price| gain - evidence(gain, price.freedom, price.ln_places);
@@ -643,9 +671,6 @@ fn merged<'c>(
         less_prices.retain(|_| kept.next().unwrap_or(true));
         less.terms.retain(|term| !of_source(term));
         let (less, less_bench) = refitted(case, &less, None);
-        let blocks: Vec<usize> = (0..case.model.blocks.len())
-            .filter(|&block| case.model.blocks[block].sources.contains(&source))
-            .collect();
         let fits = less_bench.noise_changes(&less, &blocks, &|_| true);
         let best = fits.into_iter().filter(|(_, fit)| fit.source == source).max_by(|a, b| {
             let score = |fit: &ChangeFit| {
