@@ -266,12 +266,23 @@ impl Sums {
 
     /// Sums of whitened data (first) and regressors.
     pub fn of_whitened(filter: &Filter, whitened: &[Vec<f64>]) -> Self {
+        Self::beside(filter, whitened, |_, _| None)
+    }
+
+    /// The same where some products of a regressor with another one, or with the data, may be known, by their places among
+    /// the columns.
+    pub fn beside(
+        filter: &Filter,
+        whitened: &[Vec<f64>],
+        known: impl Fn(usize, usize) -> Option<f64>,
+    ) -> Self {
         let size = whitened.len() - 1;
         let data = &whitened[0];
+        let product = |i: usize, j: usize| known(i, j).unwrap_or_else(|| dot(&whitened[i], &whitened[j]));
         let mut normal = DMatrix::zeros(size, size);
         for i in 0..size {
             for j in 0..=i {
-                let sum = dot(&whitened[i + 1], &whitened[j + 1]);
+                let sum = product(i + 1, j + 1);
                 normal[(i, j)] = sum;
                 normal[(j, i)] = sum;
             }
@@ -281,7 +292,15 @@ impl Sums {
             log_likelihood: -0.5
                 * (count * std::f64::consts::TAU.ln() + filter.log_variances + dot(data, data)),
             normal,
-            scores: DVector::from_fn(size, |i, _| dot(&whitened[i + 1], data)),
+            scores: DVector::from_fn(size, |i, _| product(i + 1, 0)),
+        }
+    }
+
+    /// The product of a regressor with another one, or with the data, by their places among the columns.
+    pub fn product(&self, regressor: usize, other: usize) -> f64 {
+        match other.checked_sub(1) {
+            Some(other) => self.normal[(regressor - 1, other)],
+            None => self.scores[regressor - 1],
         }
     }
 

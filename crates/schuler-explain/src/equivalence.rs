@@ -9,6 +9,7 @@ use std::collections::HashSet;
 use schuler_recording::unit::Dimension;
 
 use crate::arrays::AT_MEAN;
+use crate::budget::{Budget, of_item};
 use crate::catalogue::{Candidate, Column, Port, Search, Target};
 use crate::description::{Term, blocks_of};
 use crate::explanation::Rival;
@@ -65,13 +66,15 @@ pub fn target_name(model: &Model, candidate: &Candidate) -> String {
 }
 
 /// All ways to describe what `item` describes that are within the class's distance of the best or the same function, what
-/// leads first; `ln_level` is that of the family-wise probability of a finding.
+/// leads first; `ln_level` is that of the family-wise probability of a finding. Where the `budget` has no room for it, terms are
+/// compared under the noises as they are, and changes of noise are not compared.
 pub fn alternatives(
     case: &Case<'_>,
     state: &State,
     item: Item,
     family: &Family,
     ln_level: f64,
+    budget: &mut Budget,
 ) -> (Vec<Alternative>, State) {
     let model = case.model;
     let blocks = match item {
@@ -82,6 +85,7 @@ pub fn alternatives(
         }
     };
     let (less, bench) = without(case, state, item);
+    let affordable = budget.affords(of_item(case, state, &blocks));
     let touched = |candidate: usize| touches(case, candidate, &blocks);
     let mut found: Vec<Alternative> = Vec::new();
     // Under the noises fitted with the item, which are those that the terms are to be compared under.
@@ -90,7 +94,7 @@ pub fn alternatives(
         kept.noises.clone_from(&state.noises);
     }
     let kept_bench = Bench::new(case, &kept.terms, &kept.noises);
-    let free = blocks.iter().any(|&block| !kept.free_in(model, block).is_empty());
+    let free = affordable && blocks.iter().any(|&block| !kept.free_in(model, block).is_empty());
     for proposal in deterministic(&kept_bench, &library(&kept_bench, false, &touched), family, &touched) {
         let (mut gain, mut evidence_here) = (proposal.gain, proposal.evidence);
         if free {
@@ -110,7 +114,7 @@ pub fn alternatives(
             simpler: false,
         });
     }
-    for (candidate, fit) in bench.noise_changes(&less, &blocks, &|_| true) {
+    for (candidate, fit) in bench.noise_changes(&less, &blocks, &|_| affordable) {
         if blocks.iter().any(|&block| model.blocks[block].sources.contains(&fit.source)) {
             let price = Price { freedom: fit.freedom, ln_places: fit.ln_places };
             let (mut gain, mut evidence_here) = (fit.gain, -fit.ln_p);

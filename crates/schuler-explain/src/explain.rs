@@ -4,6 +4,7 @@ use schuler_recording::Recording;
 use thiserror::Error;
 
 use crate::arrays::arrays;
+use crate::budget::Budget;
 use crate::catalogue::{CATALOGUE, Candidate, Port, ReadingFault, Search, Target};
 use crate::description::{Term, project, sensors_of};
 use crate::equivalence::{Alternative, alternatives, class, target_name};
@@ -32,6 +33,10 @@ const FORM: f64 = 0.01;
 /// The same among dependences on temperature: the thermometer tells what the sensor feels within some 30 % of its
 /// changes, because it sits elsewhere and is late.
 const THERMAL_FORM: f64 = 0.1;
+
+/// What is said where the search ended at its budget of work.
+const EXCEEDED: &str = "the search ended at its budget of work: there may be more to find, and what was found may look like more \
+                        than is said";
 
 /// What may be chosen.
 #[derive(Clone, Copy, Debug)]
@@ -209,6 +214,9 @@ fn explained<S>(
     notes.extend(set_remainders_aside(&mut findings, recording));
     if many {
         notes.push(format!("the search ended at {MOST_FINDINGS} findings; there may be more"));
+    }
+    if selection.exceeded {
+        notes.push(EXCEEDED.to_owned());
     }
     unless_cancelled(watch)?;
     watch.progress(Phase::Judge, 1.0);
@@ -438,6 +446,7 @@ fn estimate_unknown(model: &mut Model) -> Vec<SourceKnob> {
 /// Builds the findings: the best of each class is taken, then the parameters of all are fitted together.
 fn findings<'c>(case: &'c Case<'c>, selection: &mut Selection<'c>, ln_level: f64) -> Vec<Finding> {
     let mut found = Vec::new();
+    let mut budget = Budget::new(case.model);
     let shown = selection.shown.clone();
     let number = shown.len();
     for (place, (item, shown)) in shown.into_iter().enumerate() {
@@ -445,7 +454,8 @@ fn findings<'c>(case: &'c Case<'c>, selection: &mut Selection<'c>, ln_level: f64
         if case.watch.is_cancelled() {
             return Vec::new();
         }
-        let (ways, less) = alternatives(case, &selection.state, item, &selection.family, ln_level);
+        let (ways, less) =
+            alternatives(case, &selection.state, item, &selection.family, ln_level, &mut budget);
         match (item, ways.first()) {
             (Item::Term(place), Some(Alternative { term: Some(term), evidence, simpler, .. }))
                 if *evidence > shown.evidence
@@ -473,6 +483,7 @@ fn findings<'c>(case: &'c Case<'c>, selection: &mut Selection<'c>, ln_level: f64
         }
         found.push((item, shown, ways, less));
     }
+    selection.exceeded |= budget.exceeded;
     let (state, bench) = refitted(case, &selection.state, None);
     selection.state = state;
     selection.bench = bench;

@@ -43,6 +43,7 @@
 //! ```
 
 pub mod arrays;
+pub mod budget;
 pub mod calibration;
 pub mod catalogue;
 mod constant_gain;

@@ -164,7 +164,7 @@ impl View<'_> {
     fn fit_promised(&self, source: usize, change: NoiseChange, start: &Start) -> ChangeFit {
         let knobs: Vec<SourceKnob> = start.knobs.iter().map(|&knob| (source, knob)).collect();
         let least = self.log_likelihood + WORTH_POLISHING;
-        let fit = polish(self.block, self.spectrum, self.projected, &start.noises, &knobs, least);
+        let fit = polish(self.block, self.spectrum, self.projected, &start.noises, &knobs, least, None);
         let gain = fit.log_likelihood - self.log_likelihood;
         let ln_p = (ln_chi_squared_tail(2.0 * gain, start.freedom) + start.ln_places).min(0.0);
         ChangeFit {

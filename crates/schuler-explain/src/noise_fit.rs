@@ -6,7 +6,7 @@ use crate::description::{Projected, Sums, take_off};
 use crate::minimise::{IMPOSSIBLE, simplex};
 use crate::noise::{Knob, Noise};
 use crate::nominal::Block;
-use crate::spectrum::{MANY_CHANNELS, OneSource, Spectrum};
+use crate::spectrum::{Derivatives, OneSource, SEVERAL_CHANNELS, Spectrum};
 use crate::steady::Steady;
 use crate::whiten::Filter;
 
@@ -24,6 +24,10 @@ const NEWTON: usize = 8;
 const PROMISE: f64 = 0.01;
 /// Times that a Newton step may gain what it promises.
 const DOUBTED: f64 = 3.0;
+/// Nats, beside what Whittle's likelihood would gain that often, by which a fit must stay behind to be left at once.
+const FAR_NATS: f64 = 10.0;
+/// Gain of Whittle's likelihood that is worth a look at the exact one.
+const WORTH_MOVING: f64 = 1.0;
 /// Least information about a logarithm that a step takes for granted.
 const LEAST_INFORMATION: f64 = 1.0;
 /// Most change of a logarithm in one step.
@@ -142,8 +146,75 @@ fn one_source_likelihood(one: &OneSource, noises: &[Noise], knobs: &[SourceKnob]
     one.log_likelihood(&noise)
 }
 
+/// Where Newton's steps on Whittle's likelihood lead from some logarithms of `knobs`, and what it gains there; `None` where the
+/// noises are singular.
+fn climbed(
+    block: &Block,
+    spectrum: &Spectrum,
+    noises: &[Noise],
+    knobs: &[SourceKnob],
+    from: &[f64],
+) -> Option<(Vec<f64>, f64)> {
+    let (step_s, rows) = (block.step_s(), block.rows());
+    let likelihood = |logs: &[f64]| {
+        let beyond = outside(knobs, logs, step_s, rows);
+        (spectrum.log_likelihood(block, &with_logs(noises, knobs, logs)) - 100.0 * beyond, ())
+    };
+    let mut logs = from.to_vec();
+    let start = likelihood(&logs).0;
+    let mut here = start;
+    for _ in 0..NEWTON {
+        let here_are = with_logs(noises, knobs, &logs);
+        let Derivatives { slopes, curvature } = spectrum.derivatives(block, &here_are, knobs, STEP)?;
+        let step = newton_step(curvature, &slopes);
+        if 0.5 * slopes.dot(&step) < PROMISE {
+            break;
+        }
+        let Some(ahead) = ahead(&logs, &step, here, likelihood) else { break };
+        (logs, here) = (ahead.logs, ahead.log_likelihood);
+    }
+    (here - start).is_finite().then_some((logs, here - start))
+}
+
+/// Newton's step, which takes some information about every combination of parameters for granted.
+fn newton_step(information: DMatrix<f64>, slopes: &DVector<f64>) -> DVector<f64> {
+    let eigen = information.symmetric_eigen();
+    let inverse = eigen.eigenvalues.map(|value| value.max(LEAST_INFORMATION).recip());
+    &eigen.eigenvectors * inverse.component_mul(&(eigen.eigenvectors.transpose() * slopes))
+}
+
+/// A place with a larger likelihood.
+struct Ahead<T> {
+    logs: Vec<f64>,
+    log_likelihood: f64,
+    /// What the likelihood was told with.
+    with: T,
+    /// Whether it is a whole step away.
+    whole: bool,
+}
+
+/// Along a step, or a part of it, to where the likelihood is larger than `here`; `None` where it is not.
+fn ahead<T>(
+    logs: &[f64],
+    step: &DVector<f64>,
+    here: f64,
+    likelihood: impl Fn(&[f64]) -> (f64, T),
+) -> Option<Ahead<T>> {
+    let mut scale = (MOST_STEP / step.amax()).min(1.0);
+    for _ in 0..4 {
+        let next: Vec<f64> = logs.iter().zip(step.iter()).map(|(log, step)| log + scale * step).collect();
+        let (log_likelihood, with) = likelihood(&next);
+        if log_likelihood > here {
+            return Some(Ahead { logs: next, log_likelihood, with, whole: scale == 1.0 });
+        }
+        scale *= 0.3;
+    }
+    None
+}
+
 /// The maximum of the exact likelihood over `knobs`, from noises near it; curvatures from Whittle's. Where it stays below
-/// `least` by all that is seen on the way, it is left before it is reached.
+/// `least` by all that is seen on the way, it is left before it is reached. `known` are the log-likelihood and the amplitudes
+/// at the noises given, where they are known.
 pub fn polish(
     block: &Block,
     spectrum: &Spectrum,
@@ -151,26 +222,42 @@ pub fn polish(
     noises: &[Noise],
     knobs: &[SourceKnob],
     least: f64,
+    known: Option<(f64, DVector<f64>)>,
 ) -> NoiseFit {
     let (step_s, rows) = (block.step_s(), block.rows());
+    let penalty = |logs: &[f64]| 100.0 * outside(knobs, logs, step_s, rows);
     let likelihood = |logs: &[f64]| {
-        let beyond = outside(knobs, logs, step_s, rows);
         let (best, amplitudes) = exact_with_amplitudes(block, &with_logs(noises, knobs, logs), projected);
-        (best - 100.0 * beyond, amplitudes)
+        (best - penalty(logs), amplitudes)
     };
     let mut logs = logs_of(noises, knobs);
-    let (mut here, mut amplitudes) = likelihood(&logs);
+    let (mut here, mut amplitudes) = match known {
+        Some((best, amplitudes)) => (best - penalty(&logs), amplitudes),
+        None => likelihood(&logs),
+    };
     // At its maximum over the regressors' amplitudes the likelihood changes with the noise as it does at these amplitudes: its
     // derivatives ask for one column to be whitened, however many regressors there are.
-    let at_amplitudes = |logs: &[f64], left: &Projected| {
-        let beyond = outside(knobs, logs, step_s, rows);
-        exact(block, &with_logs(noises, knobs, logs), left) - 100.0 * beyond
-    };
+    let at_amplitudes =
+        |logs: &[f64], left: &Projected| exact(block, &with_logs(noises, knobs, logs), left) - penalty(logs);
     if here == f64::NEG_INFINITY {
         return NoiseFit { noises: noises.to_vec(), log_likelihood: here };
     }
     let alone = (knobs.first().filter(|first| knobs.iter().all(|knob| knob.0 == first.0)))
         .and_then(|&(source, _)| spectrum.one_source(block, noises, source));
+    let redundant = block.channels >= SEVERAL_CHANNELS;
+    let several = redundant && alone.is_none();
+    // Each derivative by one of the parameters is a run over the record; Whittle's likelihood costs next to nothing beside it.
+    if several && let Some((near, gained)) = climbed(block, spectrum, noises, knobs, &logs) {
+        if here + DOUBTED * gained + FAR_NATS < least {
+            return NoiseFit { noises: noises.to_vec(), log_likelihood: here };
+        }
+        if gained > WORTH_MOVING {
+            let (there, with_amplitudes) = likelihood(&near);
+            if there > here {
+                (logs, here, amplitudes) = (near, there, with_amplitudes);
+            }
+        }
+    }
     for _ in 0..NEWTON {
         let by_differences = || {
             curvature(&logs, STEP, |logs| match &alone {
@@ -178,9 +265,10 @@ pub fn polish(
                 None => -spectrum.log_likelihood(block, &with_logs(noises, knobs, logs)),
             })
         };
-        let closed = (alone.is_none() && block.channels >= MANY_CHANNELS)
-            .then(|| spectrum.curvature(block, &with_logs(noises, knobs, &logs), knobs, STEP))
-            .flatten();
+        let closed = several
+            .then(|| spectrum.derivatives(block, &with_logs(noises, knobs, &logs), knobs, STEP))
+            .flatten()
+            .map(|derivatives| derivatives.curvature);
         let mut information = closed.unwrap_or_else(by_differences);
         let size = logs.len();
         let mut gradient = DVector::zeros(size);
@@ -201,25 +289,16 @@ pub fn polish(
                 information[(axis, axis)] = own;
             }
         }
-        let eigen = information.symmetric_eigen();
-        let inverse = eigen.eigenvalues.map(|value| value.max(LEAST_INFORMATION).recip());
-        let step = &eigen.eigenvectors * inverse.component_mul(&(eigen.eigenvectors.transpose() * &gradient));
+        let step = newton_step(information, &gradient);
         let promised = 0.5 * gradient.dot(&step);
         if promised < PROMISE || here + DOUBTED * promised < least {
             break;
         }
-        let mut scale = (MOST_STEP / step.amax()).min(1.0);
-        let mut moved = false;
-        for _ in 0..4 {
-            let next: Vec<f64> = logs.iter().zip(step.iter()).map(|(log, step)| log + scale * step).collect();
-            let (there, with_amplitudes) = likelihood(&next);
-            if there > here {
-                (logs, here, amplitudes, moved) = (next, there, with_amplitudes, true);
-                break;
-            }
-            scale *= 0.3;
-        }
-        if !moved {
+        let Some(ahead) = ahead(&logs, &step, here, likelihood) else { break };
+        let unforeseen = (ahead.log_likelihood - here - promised).abs();
+        (logs, here, amplitudes) = (ahead.logs, ahead.log_likelihood, ahead.with);
+        // A whole step that gained what it promised has led to the top.
+        if redundant && ahead.whole && unforeseen < PROMISE {
             break;
         }
     }

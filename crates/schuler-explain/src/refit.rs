@@ -6,6 +6,7 @@
 //! profile has fallen by what three standard deviations mean counts, if it is larger. Innovations that are not white
 //! widen both ([`sandwich`](crate::sandwich)).
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 use crate::catalogue::{Candidate, NoiseChange, OnsetShape, ReadingFault, Search};
 use crate::description::{Term, nonlinear_names};
@@ -24,6 +25,9 @@ const GROWTH: f64 = 1.6;
 const GROWTHS: usize = 40;
 /// Step of a derivative as a part of the distance at which the profile has fallen.
 const STEP: f64 = 0.3;
+/// Noise parameters of a block up to which the exact likelihood is differenced by each two of them: of more the correlations are
+/// taken from Whittle's, as pairs grow as the square, and each is four runs over the record.
+const FEW_PARAMETERS: usize = 6;
 /// Step of the derivatives in logarithms of noise parameters.
 const LOG_STEP: f64 = 0.03;
 
@@ -222,6 +226,32 @@ fn distance_of_fall(smallest: f64, room: f64, fall: impl Fn(f64) -> f64) -> f64 
     inside
 }
 
+/// An information matrix with the curvatures of `cost` along its axes, and its own correlations.
+fn with_own_curvatures(
+    mut information: DMatrix<f64>,
+    logs: &[f64],
+    cost: &(impl Fn(&[f64]) -> f64 + Sync),
+) -> DMatrix<f64> {
+    let here = cost(logs);
+    let own = |axis: usize| {
+        let moved = |by: f64| {
+            let mut moved = logs.to_vec();
+            moved[axis] += by;
+            cost(&moved)
+        };
+        (moved(LOG_STEP) + moved(-LOG_STEP) - 2.0 * here) / (LOG_STEP * LOG_STEP)
+    };
+    let own: Vec<f64> = (0..logs.len()).into_par_iter().map(own).collect();
+    for (axis, own) in own.into_iter().enumerate() {
+        let scale = (own / information[(axis, axis)]).sqrt();
+        if scale.is_finite() && scale > 0.0 {
+            information.row_mut(axis).scale_mut(scale);
+            information.column_mut(axis).scale_mut(scale);
+        }
+    }
+    information
+}
+
 /// The parameters of a noise change of `state`, and the standard deviations of all free parameters of its block.
 pub fn of_change(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter> {
     let change = &state.changes[place];
@@ -240,7 +270,16 @@ pub fn of_change(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter>
                 let noises = with_logs(&state.noises, &free, logs);
                 -exact(&case.model.blocks[index], &noises, &whitened.projected)
             };
-            let information = curvature(&logs_of(&state.noises, &free), LOG_STEP, cost);
+            let logs = logs_of(&state.noises, &free);
+            let information = if free.len() > FEW_PARAMETERS {
+                let closed = bench.spectrum(index).and_then(|spectrum| {
+                    spectrum.derivatives(&case.model.blocks[index], &state.noises, &free, LOG_STEP)
+                });
+                closed.map(|closed| with_own_curvatures(closed.curvature, &logs, &cost))
+            } else {
+                None
+            };
+            let information = information.unwrap_or_else(|| curvature(&logs, LOG_STEP, cost));
             let eigen = information.symmetric_eigen();
             let inverse = eigen.eigenvalues.map(|value| value.max(0.1).recip());
             let covariance =

@@ -11,9 +11,12 @@
 //! description of the two stands: the one with the larger log-likelihood less what its items cost. In the same way one
 //! change of noise may imitate two of other sources in the same channel, and gain more than either: where sources meet and
 //! a change was taken, the search goes on from the description without it, and once from all parts that the user names, with the
-//! values that fit best together.
+//! values that fit best together. A search that would go on as the search from nothing did ends where it meets its way.
+//!
+//! All that has a budget of work ([`crate::budget`]): the search from nothing has the whole of it, all others share what it leaves.
 use rayon::prelude::*;
 
+use crate::budget::{Budget, of_round};
 use crate::catalogue::{Candidate, NoiseChange, Search, Target};
 use crate::description::{Term, blocks_of};
 use crate::jump::jumps;
@@ -41,6 +44,8 @@ const NOISE_WORTH_TRYING: f64 = 6.0;
 const TRIED_TOGETHER: usize = 3;
 /// Proposals that are judged with the free noise parameters refitted.
 const JUDGED_BESIDE_FREE_NOISE: usize = 6;
+/// Nats within which two descriptions of the same items are one.
+const SAME_NATS: f64 = 0.05;
 /// Nats, above the price of its search, from which on an item is significant whatever its family.
 const BEYOND_DOUBT: f64 = 50.0;
 /// Most parts of a noise of which the user says nothing.
@@ -78,6 +83,8 @@ pub struct Selection<'c> {
     pub shown: Vec<(Item, Shown)>,
     /// Nothing but constants and nuisances.
     pub null: State,
+    /// Whether the search ended at its budget of work.
+    pub exceeded: bool,
 }
 
 /// ln of the places searched and degrees of freedom by which an accepted term is judged.
@@ -105,21 +112,26 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
     let first = Promised::new(&bench, &whole, &family);
     drop((bench, whole));
     let ln_level = level.ln();
-    let valued = |found: Found<'c>| {
-        let found = merged(case, found, &family, ln_level);
+    let valued = |found: Found<'c>, budget: &mut Budget| {
+        let found = merged(case, found, &family, ln_level, budget);
         (worth(case, &found, &family), found)
     };
-    let from_nothing =
-        |way: Way| valued(forward(case, (null.clone(), Vec::new()), &family, ln_level, way, first.clone()));
+    let from_nothing = |way: Way, visited: &[Visited], budget: &mut Budget| {
+        let (start, promised) = ((null.clone(), Vec::new()), first.clone());
+        forward(case, start, &family, ln_level, Walk { way, promised, visited }, budget)
+    };
+    let mut budget = Budget::new(case.model);
+    let Walked { found, visited, .. } = from_nothing(Way::Best, &[], &mut budget);
+    let straight = valued(found, &mut budget);
     // From another description, pruned.
-    let from = |start: State, prices: Vec<Price>, way: Way| {
+    let from = |start: State, prices: Vec<Price>, way: Way, budget: &mut Budget| {
         let (start, bench, prices) = pruned(case, start, prices, &family, ln_level);
         let stale = changed_blocks(case.model, &null, &start);
         let mut promised = first.clone();
         promised.renew(&bench, &family, &|candidate| touches(case, candidate, &stale));
-        valued(forward(case, (start, prices), &family, ln_level, way, promised))
+        let walk = Walk { way, promised, visited: &visited };
+        forward(case, (start, prices), &family, ln_level, walk, budget)
     };
-    let straight = from_nothing(Way::Best);
     let (best, _, prices) = &straight.1;
     let mut others = Vec::new();
     if !best.changes.is_empty() {
@@ -133,20 +145,34 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
             others.push(Way::Parts(index));
         }
     }
-    let searched = |way: Way| match way {
-        Way::Best | Way::TermsFirst => from_nothing(way),
-        Way::Without(candidate) => {
-            let place = best.changes.iter().position(|change| change.candidate == candidate);
-            let less = place.map(|place| without(case, best, Item::Change(place)).0);
-            from(less.unwrap_or_else(|| best.clone()), prices.clone(), way)
-        }
-        Way::Parts(block) => from(parts(case, &null, block), Vec::new(), way),
+    let share = budget.shared_among(others.len());
+    // What goes on from another description begins with a round's work on it.
+    let blocks: Vec<usize> = (0..case.model.blocks.len()).collect();
+    let mut rest = share;
+    if !rest.affords(of_round(case, best, &blocks)) {
+        budget.exceeded |= others.iter().any(|way| *way != Way::TermsFirst);
+        others.retain(|way| *way == Way::TermsFirst);
+    }
+    let searched = |way: Way| {
+        let mut budget = if way == Way::TermsFirst { share } else { rest };
+        let walked = match way {
+            Way::Best | Way::TermsFirst => from_nothing(way, &visited, &mut budget),
+            Way::Without(candidate) => {
+                let place = best.changes.iter().position(|change| change.candidate == candidate);
+                let less = place.map(|place| without(case, best, Item::Change(place)).0);
+                from(less.unwrap_or_else(|| best.clone()), prices.clone(), way, &mut budget)
+            }
+            Way::Parts(block) => from(parts(case, &null, block), Vec::new(), way, &mut budget),
+        };
+        let found = (!walked.joined).then(|| valued(walked.found, &mut budget));
+        (found, budget.exceeded)
     };
-    let found: Vec<_> = others.into_par_iter().map(searched).collect();
+    let (found, exceeded): (Vec<_>, Vec<bool>) = others.into_par_iter().map(searched).unzip();
+    let exceeded = budget.exceeded || exceeded.contains(&true);
     let (_, (state, bench, prices)) =
-        found.into_iter().fold(straight, |best, other| if other.0 > best.0 { other } else { best });
+        found.into_iter().flatten().fold(straight, |best, other| if other.0 > best.0 { other } else { best });
     let shown = shown_up_to(case, &state, &prices, &family, f64::INFINITY);
-    Selection { state, bench, family, shown, null }
+    Selection { state, bench, family, shown, null, exceeded }
 }
 
 /// What a round takes.
@@ -224,6 +250,25 @@ impl Promised {
     }
 }
 
+/// Where a search came by: the candidates of a description, terms and changes, and its log-likelihood.
+type Visited = ((Vec<usize>, Vec<usize>), f64);
+
+/// How a search goes: what its rounds take, what terms promise where it begins, and where the search from nothing came by.
+struct Walk<'v> {
+    way: Way,
+    promised: Promised,
+    visited: &'v [Visited],
+}
+
+/// Where a search led.
+struct Walked<'c> {
+    found: Found<'c>,
+    /// Where it came by.
+    visited: Vec<Visited>,
+    /// Whether it ended where it would have gone on as the search from nothing did.
+    joined: bool,
+}
+
 /// A description, whitened, and the prices of its terms.
 type Found<'c> = (State, Bench<'c>, Vec<Price>);
 
@@ -233,23 +278,34 @@ fn worth(case: &Case<'_>, (state, _, prices): &Found<'_>, family: &Family) -> f6
     state.log_likelihood - shown(case, state, prices, family).iter().map(cost).sum::<f64>()
 }
 
-/// Rounds of the search from a description and the prices of its terms, where terms promise what `promised` says.
+/// Rounds of the search from a description and the prices of its terms.
 fn forward<'c>(
     case: &'c Case<'c>,
     (mut state, mut prices): (State, Vec<Price>),
     family: &Family,
     ln_level: f64,
-    way: Way,
-    mut promised: Promised,
-) -> Found<'c> {
+    Walk { way, mut promised, visited: straight }: Walk<'_>,
+    budget: &mut Budget,
+) -> Walked<'c> {
     let mut bench = Bench::new(case, &state.terms, &state.noises);
     let mut terms_only = way == Way::TermsFirst;
     let mut noises: Vec<(usize, ChangeFit)> = Vec::new();
     // Blocks whose changes of noise are to be fitted anew.
     let mut unfitted: Vec<usize> = (0..case.model.blocks.len()).collect();
-    let mut visited: Vec<(Vec<usize>, Vec<usize>)> = vec![identity(&state)];
+    let mut visited: Vec<Visited> = vec![(identity(&state), state.log_likelihood)];
+    let mut joined = false;
+    let mut stale: Vec<usize> = unfitted.clone();
     for round in 0..MOST_ROUNDS {
         if state.terms.len() + state.changes.len() >= MOST_FINDINGS || case.watch.is_cancelled() {
+            break;
+        }
+        // One that leaves a change of noise out goes on by itself.
+        let goes_on_alike = !(terms_only || matches!(way, Way::Without(_)));
+        joined = goes_on_alike
+            && straight.iter().any(|(items, log_likelihood)| {
+                *items == identity(&state) && (log_likelihood - state.log_likelihood).abs() < SAME_NATS
+            });
+        if joined || !budget.affords(of_round(case, &state, &stale)) {
             break;
         }
         case.watch.progress(Phase::Search, round as f64 / (round as f64 + USUAL_ROUNDS));
@@ -292,16 +348,16 @@ fn forward<'c>(
         let (next, _) = refitted(case, &next, None);
         let (next, next_bench, next_prices) = pruned(case, next, next_prices, family, ln_level);
         // What was there before would come round again.
-        if visited.contains(&identity(&next)) {
+        if visited.iter().any(|(items, _)| *items == identity(&next)) {
             break;
         }
-        visited.push(identity(&next));
-        let stale = changed_blocks(case.model, &state, &next);
+        visited.push((identity(&next), next.log_likelihood));
+        stale = changed_blocks(case.model, &state, &next);
         unfitted.extend(&stale);
         (state, bench, prices) = (next, next_bench, next_prices);
         promised.renew(&bench, family, &|candidate| touches(case, candidate, &stale));
     }
-    (state, bench, prices)
+    Walked { found: (state, bench, prices), visited, joined }
 }
 
 /// Where noise parameters are free, the best proposals are judged with them refitted: fixed at values that have
@@ -612,6 +668,7 @@ fn merged<'c>(
     (mut state, mut bench, mut prices): Found<'c>,
     family: &Family,
     ln_level: f64,
+    budget: &mut Budget,
 ) -> Found<'c> {
     for source in 0..case.model.sources.len() {
         let origin = &case.model.sources[source];
@@ -624,6 +681,12 @@ fn merged<'c>(
         let terms = state.terms.iter().filter(|term| of_source(term)).count();
         let changes = state.changes.iter().filter(|change| change.source == source).count();
         if changes == 0 || terms + changes < 2 {
+            continue;
+        }
+        let blocks: Vec<usize> = (0..case.model.blocks.len())
+            .filter(|&block| case.model.blocks[block].sources.contains(&source))
+            .collect();
+        if !budget.affords(of_round(case, &state, &blocks)) {
             continue;
         }
         let penalty = |gain: f64, price: &Price| gain - evidence(gain, price.freedom, price.ln_places);
@@ -643,9 +706,6 @@ fn merged<'c>(
         less_prices.retain(|_| kept.next().unwrap_or(true));
         less.terms.retain(|term| !of_source(term));
         let (less, less_bench) = refitted(case, &less, None);
-        let blocks: Vec<usize> = (0..case.model.blocks.len())
-            .filter(|&block| case.model.blocks[block].sources.contains(&source))
-            .collect();
         let fits = less_bench.noise_changes(&less, &blocks, &|_| true);
         let best = fits.into_iter().filter(|(_, fit)| fit.source == source).max_by(|a, b| {
             let score = |fit: &ChangeFit| {

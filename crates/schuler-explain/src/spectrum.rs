@@ -10,8 +10,8 @@ use crate::noise::{Knob, Noise};
 use crate::nominal::Block;
 use crate::whiten::{Filter, Space};
 
-/// Channels from which on second derivatives are taken in closed form.
-pub const MANY_CHANNELS: usize = 3;
+/// Channels from which on derivatives are taken in closed form.
+pub const SEVERAL_CHANNELS: usize = 2;
 /// Width of a band as a part of its frequency.
 const BAND: f64 = 0.04;
 
@@ -33,6 +33,14 @@ struct OneSourceBand {
     reach: f64,
     /// tᴴ S⁻¹ Ŝ S⁻¹ t with the estimated spectrum Ŝ.
     shown: f64,
+}
+
+/// First derivatives of a log-likelihood, and second ones of minus it.
+pub struct Derivatives {
+    /// The first.
+    pub slopes: DVector<f64>,
+    /// The second, of minus the log-likelihood.
+    pub curvature: DMatrix<f64>,
 }
 
 /// Spectrum in bands.
@@ -130,19 +138,20 @@ impl Spectrum {
         if sum.is_finite() { sum } else { f64::NEG_INFINITY }
     }
 
-    /// Second derivatives of minus Whittle's log-likelihood by the logarithms of `knobs`, each of a source, at `noises`.
+    /// Derivatives of Whittle's log-likelihood by the logarithms of `knobs`, each of a source, at `noises`.
     ///
     /// With M = Σ Pₛ tₛtₛᴴ, A = tₛᴴM⁻¹tᵣ and B = tₛᴴM⁻¹ŜM⁻¹tᵣ between the sources s and r of two parameters a band has
+    /// ∂ᵢ(ln det M + tr M⁻¹Ŝ) = ∂ᵢP (A − B) with s = r, and
     /// ∂ᵢ∂ⱼ(ln det M + tr M⁻¹Ŝ) = ∂ᵢP ∂ⱼP (2 Re AB* − |A|²) + ∂ᵢ∂ⱼP (A − B), the last for parameters of one source: differences
     /// are taken of the powers of single sources, and no matrix is inverted for each pair of parameters. `None` where the noises
     /// are singular.
-    pub fn curvature(
+    pub fn derivatives(
         &self,
         block: &Block,
         noises: &[Noise],
         knobs: &[(usize, Knob)],
         step: f64,
-    ) -> Option<DMatrix<f64>> {
+    ) -> Option<Derivatives> {
         let size = knobs.len();
         let moved = |moves: &[(usize, f64)]| {
             let source = moves.first().map_or(0, |&(place, _)| knobs[place].0);
@@ -166,6 +175,7 @@ impl Spectrum {
             .map(|(source, _)| block.sources.iter().position(|own| own == source))
             .collect::<Option<_>>()?;
         let step_s = block.step_s();
+        let mut slopes = DVector::<f64>::zeros(size);
         let mut curvature = DMatrix::<f64>::zeros(size, size);
         for band in &self.bands {
             let power = |noise: &Noise| noise.spectrum(band.omega, step_s);
@@ -183,6 +193,7 @@ impl Spectrum {
                     let both = 2.0 * (a * b.conj()).re - a.norm_sqr();
                     curvature[(i, j)] += band.weight * slope(i) * slope(j) * both;
                 }
+                slopes[i] -= slope(i) * left(i, i);
                 let own = power(&noises[knobs[i].0]);
                 curvature[(i, i)] += left(i, i) * (powers[i][0] + powers[i][1] - 2.0 * own) / (step * step);
             }
@@ -192,7 +203,8 @@ impl Spectrum {
             }
         }
         curvature.fill_upper_triangle_with_lower_triangle();
-        curvature.iter().all(|value| value.is_finite()).then_some(curvature)
+        let finite = slopes.iter().chain(curvature.iter()).all(|value| value.is_finite());
+        finite.then_some(Derivatives { slopes, curvature })
     }
 
     /// The likelihood as it changes with the noise of `source` alone; `None` where the present noises are singular.

@@ -199,20 +199,53 @@ impl<'c> Case<'c> {
                 return Some(whitened);
             }
         }
-        let filter = Arc::new(block.filter(noises)?);
+        let described = self.described(index, terms);
+        let delays = Delays::new(terms).among(&block.sensors);
+        // Under the same noises the filter is the same, and so are the columns that another description has as well.
+        let alike = self.kept_under(&key, &delays);
+        let filter = match &alike {
+            Some(alike) => Arc::clone(&alike.filter),
+            None => Arc::new(block.filter(noises)?),
+        };
+        let places: Vec<Option<usize>> = match &alike {
+            Some(alike) => {
+                let place = |one: &Described| alike.described.iter().position(|other| other == one);
+                described.iter().map(place).collect()
+            }
+            None => vec![None; described.len()],
+        };
         let projected = project(self.model, index, terms);
-        let views: Vec<&[f64]> =
-            std::iter::once(&projected.data).chain(&projected.columns).map(Vec::as_slice).collect();
-        let columns = filter.whiten(&views);
-        let sums = Sums::of_whitened(&filter, &columns);
+        let views = std::iter::once(&projected.data).chain(&projected.columns).map(Vec::as_slice);
+        let new: Vec<&[f64]> =
+            views.zip(&places).filter(|(_, place)| place.is_none()).map(|(view, _)| view).collect();
+        let mut whitened_now = filter.whiten(&new).into_iter();
+        let columns: Vec<Vec<f64>> = (places.iter())
+            .map(|place| match (place, &alike) {
+                (Some(place), Some(alike)) => alike.columns[*place].clone(),
+                _ => whitened_now.next().unwrap_or_default(),
+            })
+            .collect();
+        let sums = Sums::beside(&filter, &columns, |i, j| {
+            let (alike, i, j) = (alike.as_ref()?, places[i]?, places[j]?);
+            Some(alike.sums.product(i, j))
+        });
         let solution = sums.solution();
         let log_likelihood = sums.log_likelihood + solution.gain;
         let (data, regressors) = columns.split_first()?;
         let mut remainder = data.clone();
         take_off(&mut remainder, regressors, solution.amplitudes.iter().copied());
         let spectrum = OnceLock::new();
-        let whitened =
-            Arc::new(Whitened { filter, projected, columns, sums, remainder, spectrum, log_likelihood });
+        let whitened = Arc::new(Whitened {
+            filter,
+            projected,
+            described,
+            delays,
+            columns,
+            sums,
+            remainder,
+            spectrum,
+            log_likelihood,
+        });
         let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         kept.push_front((key, Arc::clone(&whitened)));
         let mut values = 0;
@@ -221,6 +254,15 @@ impl<'c> Case<'c> {
             values <= KEPT_VALUES
         });
         Some(whitened)
+    }
+
+    /// The block as it was whitened last under the same noises, with the same delays.
+    fn kept_under(&self, key: &Key, delays: &Delays) -> Option<Arc<Whitened>> {
+        let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let alike = kept.iter().find(|(other, whitened)| {
+            other.block == key.block && other.noises == key.noises && whitened.delays == *delays
+        });
+        alike.map(|(_, whitened)| Arc::clone(whitened))
     }
 }
 
@@ -275,6 +317,9 @@ pub struct Whitened {
     pub filter: Arc<Filter>,
     /// Data and regressors.
     pub projected: Projected,
+    /// What they are, data first, and the delays that move them.
+    described: Vec<Described>,
+    delays: Delays,
     /// The same, whitened, data first.
     pub columns: Vec<Vec<f64>>,
     /// Sums of the whitened columns.
@@ -551,7 +596,8 @@ pub fn refitted_above<'c>(
                 (bench.key(index), free.clone()),
                 || {
                     let block = &case.model.blocks[index];
-                    polish(block, spectrum, &whitened.projected, &state.noises, &free, least)
+                    let known = (whitened.log_likelihood, whitened.sums.solution().amplitudes);
+                    polish(block, spectrum, &whitened.projected, &state.noises, &free, least, Some(known))
                 },
                 // One that ended early is no maximum.
                 |fit| fit.log_likelihood >= least,

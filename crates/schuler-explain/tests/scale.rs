@@ -53,7 +53,7 @@ fn gyros(number: usize, rows: usize, drift: f64) -> Recording {
     common::recording(MotionKind::Unknown, sensors)
 }
 
-/// Second derivatives in closed form are those by differences.
+/// Derivatives in closed form are those by differences.
 #[test]
 fn whittles_likelihood_bends_as_differences_say() {
     const STEP: f64 = 0.01;
@@ -65,11 +65,20 @@ fn whittles_likelihood_bends_as_differences_say() {
     let own = [Knob::White, Knob::MarkovSigma(0), Knob::MarkovTau(0)];
     let knobs: Vec<SourceKnob> =
         [0, 3].into_iter().flat_map(|source| own.map(|knob| (source, knob))).collect();
-    let closed = spectrum.curvature(block, &noises, &knobs, STEP).unwrap();
-    let differences = curvature(&logs_of(&noises, &knobs), STEP, |logs| {
-        -spectrum.log_likelihood(block, &with_logs(&noises, &knobs, logs))
-    });
-    assert!((&closed - &differences).amax() < 1e-3 * differences.amax(), "{closed} {differences}");
+    let closed = spectrum.derivatives(block, &noises, &knobs, STEP).unwrap();
+    let logs = logs_of(&noises, &knobs);
+    let likelihood = |logs: &[f64]| spectrum.log_likelihood(block, &with_logs(&noises, &knobs, logs));
+    let differences = curvature(&logs, STEP, |logs| -likelihood(logs));
+    assert!((&closed.curvature - &differences).amax() < 1e-3 * differences.amax(), "{differences}");
+    for (axis, slope) in closed.slopes.iter().enumerate() {
+        let moved = |by: f64| {
+            let mut moved = logs.clone();
+            moved[axis] += by;
+            likelihood(&moved)
+        };
+        let difference = (moved(STEP) - moved(-STEP)) / (2.0 * STEP);
+        assert!((slope - difference).abs() < 1e-3 * closed.slopes.amax(), "{axis}: {slope} {difference}");
+    }
 }
 
 /// Counts what it is told, and ends the explanation in a phase.
