@@ -29,7 +29,7 @@ def swinging(rng, case, latitude, altitude_m):
 
 
 def tumbling(rng, case, latitude, altitude_m):
-    return tumble(rng, case.t[-1], latitude, altitude_m)
+    return tumble(rng, case.t[-1], case.step_s, latitude, altitude_m)
 
 
 def driving(rng, case, latitude, altitude_m):

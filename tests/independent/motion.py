@@ -124,11 +124,12 @@ def at_rest(latitude, altitude_m, roll, pitch, yaw):
     return Motion(Course(roll), Course(pitch), Course(yaw), still, still, still, latitude, altitude_m)
 
 
-def tumble(rng, duration_s, latitude, altitude_m):
+def tumble(rng, duration_s, step_s, latitude, altitude_m):
     """A body turned by hand or by a table into one position after another, of all three angles."""
     positions = int(rng.integers(8, 25))
     dwell = duration_s / positions
-    half = float(rng.uniform(0.02, 0.06)) * dwell
+    # Slow enough that samples of the angles tell the rate between them.
+    half = max(float(rng.uniform(0.02, 0.06)) * dwell, 12 * step_s)
     angles = []
     for choices in ([0, 45, 90, 135, 180, -90, -45], [0, 30, 45, 60, -30, -60, 75], [0, 90, 180, 270, 45]):
         course = Course(np.radians(rng.choice(choices)))
