@@ -140,7 +140,7 @@ def schuler(command):
         for finding in json.loads(ran.stdout)["findings"]:
             if finding["effect"].startswith("noise_"):
                 continue
-            column = [p.get("text") for p in finding["parameters"] if p["name"] == "column"]
+            column = [p["value"] for p in finding["parameters"] if p["name"] == "column"]
             of_first = column in ([], ["temperature"])
             named = finding["effect"] == "bias_temperature_rate" and of_first
             in_class = "bias_temperature_rate" in finding["class"] and of_first

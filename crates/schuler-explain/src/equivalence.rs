@@ -11,7 +11,7 @@ use schuler_recording::unit::Dimension;
 use crate::arrays::AT_MEAN;
 use crate::budget::{Budget, of_item};
 use crate::catalogue::{Candidate, Column, Port, Search, Target};
-use crate::description::{Term, blocks_of};
+use crate::description::{Term, blocks_of, sensors_of};
 use crate::explanation::Rival;
 use crate::jump::RATES;
 use crate::noise_change::ChangeFit;
@@ -31,6 +31,23 @@ const PRICED_NATS: f64 = 2.0 * CLASS_NATS;
 const INDIFFERENT_NATS: f64 = 0.5;
 /// The effect of axes that are not where they are said to be.
 const MISALIGNMENT: &str = "misalignment";
+
+/// What a radio sensor does rather than an inertial velocity.
+const OF_RADIO: [&str; 9] = [
+    "time_delay",
+    "bandwidth_lag",
+    MISALIGNMENT,
+    "lever_arm",
+    "scale_factor",
+    "bias_constant",
+    "bias_step",
+    "intermittent_jump",
+    "noise_variance_step",
+];
+
+/// Part of the gain of an effect on one of two instruments that the same on the other gains, at least: the motion is estimated from
+/// both, and is worth more to the one that is less noisy.
+const SAME_MOTION: f64 = 0.7;
 
 /// Evidence from which on a change of noise is judged with the other free parameters fitted beside it.
 const WORTH_REFITTING: f64 = 3.0;
@@ -139,6 +156,7 @@ pub fn alternatives(
         }
     }
     found.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+    prefer_radio(case, &mut found);
     let Some(best) = found.first().cloned() else { return (found, less) };
     found.retain(|other| {
         let behind = best.evidence - other.evidence;
@@ -242,6 +260,45 @@ fn prefer_instrument(case: &Case<'_>, found: &mut [Alternative]) {
             }
     };
     if let Some(place) = found.iter().position(leads) {
+        found[..=place].rotate_right(1);
+    }
+}
+
+/// Of a radio sensor and an inertial velocity that are only compared with each other, what one does is what the other does with the
+/// opposite sign. The radio sensor leads in what an integral does not do: come late, jump, be out of scale with the speed or turned from
+/// it. That their gains differ comes from the motion, which is estimated from both.
+fn prefer_radio(case: &Case<'_>, found: &mut [Alternative]) {
+    let Some(best) = found.first() else { return };
+    let first = &case.candidates[best.candidate];
+    let integrates = |candidate: &Candidate| -> Option<bool> {
+        let of = |&sensor: &usize| {
+            let source = &case.model.sources[case.model.source_of(sensor, Port::Output)?];
+            Some(source.integrates)
+        };
+        let kinds: Option<Vec<bool>> = sensors_of(candidate).iter().map(of).collect();
+        kinds.filter(|kinds| kinds.windows(2).all(|pair| pair[0] == pair[1]))?.first().copied()
+    };
+    let compared = sensors_of(first).first().is_some_and(|&sensor| {
+        let block = case.model.block_of(sensor).map(|block| &case.model.blocks[block]);
+        block.is_some_and(|block| {
+            let place = block.sensors.iter().position(|&other| other == sensor);
+            place.is_some_and(|place| block.alike(place).len() > 1)
+        })
+    });
+    if !compared || !OF_RADIO.contains(&first.effect.id) || integrates(first) != Some(true) {
+        return;
+    }
+    let is_group = |candidate: &Candidate| matches!(candidate.target, Target::Group { .. });
+    let leads = |other: &Alternative| {
+        let candidate = &case.candidates[other.candidate];
+        candidate.effect.id == first.effect.id
+            && is_group(candidate) == is_group(first)
+            && candidate.amplitudes.len() == first.amplitudes.len()
+            && integrates(candidate) == Some(false)
+            && other.gain > SAME_MOTION * best.gain
+    };
+    if let Some(place) = found.iter().position(leads) {
+        found[place].simpler = true;
         found[..=place].rotate_right(1);
     }
 }

@@ -18,7 +18,7 @@ use crate::locate;
 use crate::noise::{Knob, Noise};
 use crate::noise_fit::{SourceKnob, exact};
 use crate::nominal::{FEWEST_ROWS, Model};
-use crate::readings::{Fault, faults, lattice};
+use crate::readings::{Fault, OFF_LATTICE, faults, lattice};
 use crate::refit::parameters;
 use crate::search::{Family, evidence};
 use crate::select::{Item, MOST_FINDINGS, Selection, Shown, add_change, select, without};
@@ -212,6 +212,7 @@ fn explained<S>(
     let mut notes = recording.warnings.clone();
     notes.extend(model.notes.iter().cloned());
     notes.extend(set_remainders_aside(&mut findings, recording));
+    notes.extend(set_rounding_aside(&mut findings, recording, &faults));
     if many {
         notes.push(format!("the search ended at {MOST_FINDINGS} findings; there may be more"));
     }
@@ -259,6 +260,48 @@ fn set_remainders_aside(findings: &mut Vec<Finding>, recording: &Recording) -> V
         false
     });
     notes
+}
+
+/// Takes away the constants that are no larger than what rounding to the step that was found makes of readings whose noise does
+/// not carry them over it, and says so. They stay in the description that is fitted.
+fn set_rounding_aside(findings: &mut Vec<Finding>, recording: &Recording, faults: &[Fault]) -> Vec<String> {
+    let most = |finding: &Finding| {
+        let sensor = recording.sensors.iter().position(|series| series.sensor.id == finding.sensor)?;
+        let fault =
+            (faults.iter()).find(|fault| fault.sensor == sensor && fault.fault == ReadingFault::Quantised)?;
+        let series = &recording.sensors[sensor];
+        let shift = shift_by_rounding(fault.parameters.first()?.1, series.sensor.nominal.white);
+        Some(shift / series.written_unit.in_si())
+    };
+    let mut notes = Vec::new();
+    findings.retain(|finding| {
+        let coefficient = finding.parameters.iter().find(|parameter| parameter.name == "coefficient");
+        let (Some(most), Some(value), "bias_constant") =
+            (most(finding), coefficient.and_then(|it| it.value), finding.effect.as_str())
+        else {
+            return true;
+        };
+        let sigma = coefficient.and_then(|it| it.sigma).unwrap_or_default();
+        if value.abs() > most + 3.0 * sigma {
+            return true;
+        }
+        notes.push(format!(
+            "{}: a constant of {value:.3e} is no more than what rounding leaves of readings that seldom cross a step",
+            finding.sensor
+        ));
+        false
+    });
+    notes
+}
+
+/// Most by which rounding to `step` shifts the mean of a constant input with noise of standard deviation `white`, in the unit
+/// of both: the sawtooth that rounding adds, Σ (−1)ᵏ (step/πk) sin 2πk x/step, whose every harmonic the noise averages by
+/// exp(−2π²k² white²/step²) `[Widrow and Kollár, Quantization Noise, Cambridge 2008, ch. 4]`; without noise half a step.
+fn shift_by_rounding(step: f64, white: f64) -> f64 {
+    use std::f64::consts::PI;
+    let harmonics =
+        (1..=20).map(f64::from).map(|k: f64| (-2.0 * (PI * k * white / step).powi(2)).exp() / (PI * k));
+    step * harmonics.sum::<f64>().min(0.5)
 }
 
 /// Whether a candidate is about the noise of an output that is clipped or coarse: what is left of it then is not what
@@ -339,8 +382,11 @@ fn of_readings(
             .map(|&(name, value, in_unit)| {
                 let step_s = case.model.step_s;
                 let (value, sigma, unit) = match name {
-                    // Somewhere in the step after the last reading that was live: uniform over it.
-                    "onset_s" => (at(value as usize) + 0.5 * step_s, Some(step_s / 12.0_f64.sqrt()), "s"),
+                    // In the step before or after the first of the equal readings, whether that is the last that was live or
+                    // the first that was not: uniform over both.
+                    "onset_s" => (at(value as usize), Some(step_s / 3.0_f64.sqrt()), "s"),
+                    // A lattice is one of which no reading is farther off than so.
+                    "step" => (value / unit.in_si(), Some(OFF_LATTICE * value / unit.in_si()), unit.name()),
                     _ if in_unit => (value / unit.in_si(), None, unit.name()),
                     _ => (value, None, "1"),
                 };
@@ -366,15 +412,17 @@ fn of_readings(
     findings
 }
 
-/// The other sensors of a single parity relation: a spike in it may be any one's.
+/// The other sensors whose spikes look the same: of a pair that is only compared with each other, and of a single parity
+/// relation, a spike may be any one's.
 fn same_in_parity(model: &Model, fault: &Fault, candidate: &Candidate) -> Vec<Rival> {
     let block = model.block_of(fault.sensor).and_then(|block| model.blocks.get(block));
-    let Some(block) = block.filter(|block| fault.fault == ReadingFault::Outliers && block.channels == 1)
-    else {
+    let Some(block) = block.filter(|_| fault.fault == ReadingFault::Outliers) else { return Vec::new() };
+    let Some(place) = block.sensors.iter().position(|&sensor| sensor == fault.sensor) else {
         return Vec::new();
     };
-    let others = block.sensors.iter().filter(|&&sensor| sensor != fault.sensor);
-    (others.filter_map(|&sensor| model.sources.get(model.source_of(sensor, Port::Output)?)))
+    let others = block.alike(place).into_iter().map(|place| block.sensors[place]);
+    (others.filter(|&sensor| sensor != fault.sensor))
+        .filter_map(|sensor| model.sources.get(model.source_of(sensor, Port::Output)?))
         .map(|source| Rival {
             sensor: source.name.clone(),
             effect: candidate.effect.id.to_owned(),
@@ -685,4 +733,19 @@ fn noise_shift(case: &Case<'_>, before: &State, after: &State) -> Vec<NoiseShift
         }
     }
     shifts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::shift_by_rounding;
+
+    /// Against the mean of rounded normal values, at the worst input.
+    #[test]
+    fn rounding_shifts_a_mean_by_what_the_noise_does_not_carry_over_a_step() {
+        assert!((shift_by_rounding(1.0, 0.0) - 0.5).abs() < 1e-12);
+        // Mean of round(x + 0.3 z) less x, by summing over the normal distribution: 0.0538 at most, near x = 0.25.
+        assert!((shift_by_rounding(1.0, 0.3) - 0.0538).abs() < 5e-4);
+        assert!((shift_by_rounding(2e-6, 0.6e-6) - 2e-6 * 0.0538).abs() < 1e-9);
+        assert!(shift_by_rounding(1.0, 1.0) < 1e-8);
+    }
 }

@@ -1,7 +1,8 @@
 //! The answer: what differs, which physics was left out, how large it is, how sure that is, and what it gains.
 //!
 //! [`Explanation`] serialises to `schuler-explanation/1`; what goes beyond that format are optional keys.
-use serde::Serialize;
+use serde::ser::SerializeStruct;
+use serde::{Serialize, Serializer};
 
 /// What the format's key `format` says.
 pub const FORMAT: &str = "schuler-explanation/1";
@@ -67,25 +68,41 @@ pub struct Finding {
 }
 
 /// A fitted number, or a word that says which of several (a column, an axis).
-#[derive(Clone, Debug, Serialize)]
+///
+/// In the answer each has the keys `name`, `value`, `sigma` and `unit`: a word is a `value` without the last two, which are
+/// null then.
+#[derive(Clone, Debug)]
 pub struct Parameter {
     /// Name.
     pub name: String,
     /// Value in `unit`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub value: Option<f64>,
     /// Standard deviation in `unit`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub sigma: Option<f64>,
     /// Unit.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub unit: Option<String>,
     /// The word, where it is not a number.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub text: Option<String>,
     /// Whether the value lies within the catalogue's plausible magnitude; absent where that is not known.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub plausible: Option<bool>,
+}
+
+impl Serialize for Parameter {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let keys = 4 + usize::from(self.plausible.is_some());
+        let mut written = serializer.serialize_struct("Parameter", keys)?;
+        written.serialize_field("name", &self.name)?;
+        match &self.text {
+            Some(word) => written.serialize_field("value", word)?,
+            None => written.serialize_field("value", &self.value)?,
+        }
+        written.serialize_field("sigma", &self.sigma)?;
+        written.serialize_field("unit", &self.unit)?;
+        if let Some(plausible) = self.plausible {
+            written.serialize_field("plausible", &plausible)?;
+        }
+        written.end()
+    }
 }
 
 /// How sure a finding is.
@@ -200,4 +217,25 @@ pub struct Remainder {
     pub on: Option<String>,
     /// Gain of that term, nats.
     pub gain_nats: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Parameter;
+
+    #[test]
+    fn every_parameter_has_the_keys_of_the_format() {
+        let axis = Parameter {
+            name: "axis".to_owned(),
+            value: None,
+            sigma: None,
+            unit: None,
+            text: Some("y".to_owned()),
+            plausible: None,
+        };
+        let number = Parameter { value: Some(2.5), unit: Some("K".to_owned()), text: None, ..axis.clone() };
+        let written = |parameter: &Parameter| serde_json::to_string(parameter).unwrap();
+        assert_eq!(written(&axis), r#"{"name":"axis","value":"y","sigma":null,"unit":null}"#);
+        assert_eq!(written(&number), r#"{"name":"axis","value":2.5,"sigma":null,"unit":"K"}"#);
+    }
 }

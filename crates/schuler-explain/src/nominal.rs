@@ -46,7 +46,12 @@ pub struct Source {
     pub unknown: bool,
     /// Unit of the answer.
     pub unit: Unit,
+    /// Whether it is an inertial velocity, which is an integral: it neither jumps nor comes late, as a radio sensor's does.
+    pub integrates: bool,
 }
+
+/// One less the cosine of the angle below which two sensors look the same.
+const PARALLEL: f64 = 1e-6;
 
 /// How sensors become channels.
 #[derive(Clone, Debug)]
@@ -197,6 +202,7 @@ impl Model {
             unknown,
             nominal,
             unit: series.written_unit,
+            integrates: series.sensor.kind == SensorKind::InsVelocity,
         });
         self.sources.len() - 1
     }
@@ -317,6 +323,7 @@ impl Model {
             unknown: nominal.is_none(),
             nominal,
             unit: series.written_unit,
+            integrates: true,
         });
         for (name, port, nominal, dimension) in inertial {
             self.sources.push(Source {
@@ -326,6 +333,7 @@ impl Model {
                 unknown: false,
                 nominal,
                 unit: dimension.si_unit(),
+                integrates: true,
             });
         }
         let start = data.iter().copied().find(|value| value.is_finite()).unwrap_or_default();
@@ -641,6 +649,18 @@ impl Block {
     /// Step, s.
     pub fn step_s(&self) -> f64 {
         self.step_s
+    }
+
+    /// Places of the sensors whose errors look the same as those of the one at `place`, itself among them: a pair of which
+    /// nothing but the difference is seen.
+    pub fn alike(&self, place: usize) -> Vec<usize> {
+        let Geometry::Parity(parity) = &self.geometry else { return vec![place] };
+        let own = parity.column(place);
+        let parallel = |other: &usize| {
+            let column = parity.column(*other);
+            own.dot(&column).abs() > (1.0 - PARALLEL) * own.norm() * column.norm()
+        };
+        (0..self.sensors.len()).filter(parallel).collect()
     }
 
     /// How strongly a source reaches the channels, 0…1.

@@ -38,7 +38,7 @@ const FEWEST_OF_LATTICE: usize = 3;
 /// Most levels from the least to the largest reading: with more, the digits of a table are a lattice.
 const MOST_LEVELS: f64 = 1e5;
 /// Largest number of steps between readings off a lattice, as a part of the step.
-const OFF_LATTICE: f64 = 1e-3;
+pub const OFF_LATTICE: f64 = 1e-3;
 /// Standoff from which on a reading may be a spike, in standard deviations.
 const LEAST_STANDOFF: f64 = 4.5;
 /// Evidence below which readings that stand off are left as they are: one sensor in five thousand shows as much by chance.
@@ -297,6 +297,9 @@ pub fn lattice(values: &[f64]) -> Option<Lattice> {
 }
 
 /// Readings that stand off from their neighbours on both sides.
+///
+/// Of sensors that are only compared with each other a spike may be any one's; an inertial velocity, which is an integral, has
+/// none where there is another.
 fn spikes(model: &Model, steps: &[f64], masked: &mut [Vec<bool>]) -> Vec<Fault> {
     let mut found = Vec::new();
     for block in &model.blocks {
@@ -330,7 +333,9 @@ fn spikes(model: &Model, steps: &[f64], masked: &mut [Vec<bool>]) -> Vec<Fault> 
             let vector: Vec<f64> = standoffs.iter().map(|channel| channel[place]).collect();
             let size = vector.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
             if size > LEAST_STANDOFF {
-                let sensor = block.nearest(&vector);
+                let nearest = block.nearest(&vector);
+                let jumps = |place: &usize| !model.sources[block.sources[*place]].integrates;
+                let sensor = block.alike(nearest).into_iter().find(jumps).unwrap_or(nearest);
                 of_sensor[sensor].push((row, size));
             }
         }

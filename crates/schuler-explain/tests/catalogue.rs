@@ -679,6 +679,9 @@ fn runs_after_switch_on_have_their_own_constants_and_warm_up_again() {
     let found = at(&inputs, "bias_restart", 0, &[]);
     let values = column(&found[0], &[], 0, 3000);
     assert!(values.iter().enumerate().all(|(row, value)| *value == f64::from(u8::from(row >= 1600))));
+    // Or the first run has one of its own as well.
+    let values = column(&found[1], &[], 0, 3000);
+    assert!(values.iter().enumerate().all(|(row, value)| *value == f64::from(u8::from(row < 1600))));
     let found = at(&inputs, "bias_warmup", 0, &[]);
     let values = column(&found[0], &[100.0], 0, 3000);
     assert_eq!((values[0], values[1600]), (1.0, 1.0));

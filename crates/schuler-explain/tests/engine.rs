@@ -787,6 +787,37 @@ fn a_spike_between_two_sensors_may_be_of_either() {
     assert_eq!(either, ["sensor_0", "sensor_1"]);
 }
 
+/// Of a log and an inertial velocity nothing but the difference is seen. What jumps, or comes late, is the log's, whichever of
+/// them the case names first.
+#[test]
+fn what_an_integral_does_not_do_is_the_radio_sensors() {
+    let velocity = |time: f64| 5.0 + 3.0 * (0.05 * time).sin() + 2.0 * (0.013 * time).sin();
+    let inertial: Vec<f64> =
+        noise(63, ROWS).iter().zip(0..).map(|(e, row)| velocity(f64::from(row)) + 0.01 * e).collect();
+    let log: Vec<f64> =
+        noise(64, ROWS).iter().zip(0..).map(|(e, row)| velocity(f64::from(row) - 0.7) + 0.2 * e).collect();
+    let mut recording = recording(vec![inertial, log]);
+    recording.case.motion.kind = MotionKind::Unknown;
+    for (series, scale) in recording.sensors.iter_mut().zip([0.01, 0.2]) {
+        series.sensor.nominal.white = scale * WHITE_SIGMA;
+        series.sensor.nominal.markov = Some(Markov { sigma: scale * MARKOV_SIGMA, tau_s: TAU_S });
+    }
+    recording.sensors[0].sensor.kind = SensorKind::InsVelocity;
+    for spike in 0..4 {
+        recording.sensors[1].values[200 + 400 * spike] += 5.0;
+    }
+    let inputs = Inputs::new(&recording);
+    let wanted = ["time_delay", "noise_outliers"];
+    let effects = CATALOGUE.iter().filter(|effect| wanted.contains(&effect.id));
+    let candidates = effects.flat_map(|effect| (effect.candidates)(effect, &inputs)).collect();
+    let options = Options { hold_out: false, ..Options::default() };
+    let answer = explain_with(&inputs, candidates, &options).unwrap();
+    let mut found: Vec<(&str, &str)> =
+        answer.findings.iter().map(|finding| (finding.effect.as_str(), finding.sensor.as_str())).collect();
+    found.sort_unstable();
+    assert_eq!(found, [("noise_outliers", "sensor_1"), ("time_delay", "sensor_1")]);
+}
+
 #[test]
 fn gaps_do_no_harm() {
     let length = ROWS as f64;

@@ -1,5 +1,5 @@
 //! The answer `schuler-explanation/1`, as far as it is scored. Keys that are not scored are not looked at.
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer};
 
 /// What the key `format` must say.
 pub const FORMAT: &str = "schuler-explanation/1";
@@ -55,14 +55,23 @@ pub struct Finding {
 pub struct FoundParameter {
     /// Name.
     pub name: String,
-    /// Value; not a number where it is null.
+    /// Value; none where it is null, or a word: of an axis, of a column.
+    #[serde(default, deserialize_with = "number")]
     pub value: Option<f64>,
     /// Standard deviation.
     #[serde(default)]
     pub sigma: Option<f64>,
-    /// Unit.
-    #[serde(default)]
+    /// Unit; empty where there is none.
+    #[serde(default, deserialize_with = "or_empty")]
     pub unit: String,
+}
+
+fn number<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
+    Ok(serde_json::Value::deserialize(deserializer)?.as_f64())
+}
+
+fn or_empty<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
+    Ok(Option::deserialize(deserializer)?.unwrap_or_default())
 }
 
 /// The fit before and after.

@@ -117,14 +117,17 @@ pub(super) const BIAS_RESTART: Effect = Effect {
         at_each_instrument_place(effect, inputs, |place| {
             let plausible = Plausible::inertial([0.005, 0.1], [10.0, 100.0]);
             let ends = inputs.possible_run_starts.iter().skip(1).copied().chain([inputs.rows()]);
-            // The first run is the one that the others differ from; its own constant is `bias_constant`.
-            let runs = inputs.possible_run_starts.iter().copied().zip(ends).enumerate().skip(1);
-            let columns = runs.map(|(run, (start, end))| {
-                let values = (0..inputs.rows()).map(|row| f64::from(u8::from(row >= start && row < end)));
-                let name = format!("coefficient_run_{}", run + 1);
-                (values.collect(), amplitude(place, &name, ITSELF, plausible))
-            });
-            vec![Draft::columns(place, columns.collect())]
+            let runs: Vec<_> = inputs.possible_run_starts.iter().copied().zip(ends).enumerate().collect();
+            let draft = |from: usize| {
+                let columns = runs.iter().skip(from).map(|&(run, (start, end))| {
+                    let values = (0..inputs.rows()).map(|row| f64::from(u8::from(row >= start && row < end)));
+                    let name = format!("coefficient_run_{}", run + 1);
+                    (values.collect(), amplitude(place, &name, ITSELF, plausible))
+                });
+                Draft::columns(place, columns.collect())
+            };
+            // The first run may be the one that the bias was calibrated in, from which the others differ, or as new as they are.
+            if place.relative { vec![draft(1)] } else { vec![draft(1), draft(0)] }
         })
     },
 };

@@ -7,10 +7,9 @@ class Parameter(TypedDict):
     """A fitted number, or a word that says which of several (a column, an axis)."""
 
     name: str
-    value: NotRequired[float]
-    sigma: NotRequired[float]
-    unit: NotRequired[str]
-    text: NotRequired[str]
+    value: float | str | None
+    sigma: float | None
+    unit: str | None
     plausible: NotRequired[bool]
 
 

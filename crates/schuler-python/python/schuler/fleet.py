@@ -244,6 +244,11 @@ def finding(job: Job, rank: int, found: Any) -> dict[str, Any]:
     start_s, end_s = found["interval_s"]
     columns = ("sensor", "effect", "class", "parameters", "sentence")
     row |= {name: found[name] for name in columns} | {"start_s": start_s, "end_s": end_s}
+    row["parameters"] = [
+        # A column of a table holds numbers or words.
+        parameter | {"value": None, "text": parameter["value"]} if isinstance(parameter["value"], str) else parameter
+        for parameter in found["parameters"]
+    ]
     return row | dict(found["evidence"])
 
 

@@ -1,7 +1,10 @@
 //! The body's true rate and specific force from recorded attitude and velocity.
 //!
-//! Both are centred differences over the neighbours of each row, with an error of second order in the step. At the ends
-//! and beside missing values there is none: a one-sided difference is that of half a step earlier or later, and a body
+//! Both are centred differences over up to three neighbours on either side of each row, of second, fourth or sixth order in
+//! the step. The second order takes `1 − (ωh)²/6` of a motion of frequency ω: with sixty rows a period it is wrong by 0.2 %, ten
+//! thousand times the noise of a good gyro on a table that swings. The higher orders let more of the noise of the recorded angles
+//! through, and are taken where the motion is worth it, not where the angles are coarse. At the ends and beside missing values
+//! there is none: a one-sided difference is that of half a step earlier or later, and a body
 //! that turns with 1 rad/s² at steps of 0.1 s would be wrong by 50 mrad/s there. Angles are never differenced (they wrap, and are
 //! singular at a pitch of 90°): rotations are, by the logarithm of their quotient.
 use nalgebra::{Rotation3, Vector3};
@@ -24,19 +27,20 @@ pub fn inertial_rate(
     altitude_m: f64,
 ) -> Columns {
     let attitudes: Vec<Option<Rotation3<f64>>> = rows(attitude_rad).map(|row| row.map(rotation)).collect();
+    let turned = |row: usize, other: usize| {
+        Some((get(&attitudes, row)?.inverse() * get(&attitudes, other)?).scaled_axis())
+    };
+    let turn_rates = derivatives(time_s, turned);
     columns(time_s.len(), |row| {
         let here = get(&attitudes, row)?;
-        let (before, after) = neighbours(row)?;
-        let span_s = time_s.get(after)? - time_s.get(before)?;
-        let quotient = get(&attitudes, before)?.inverse() * get(&attitudes, after)?;
         let velocity = velocity_ned.map_or(Some(Vector3::zeros()), |columns| vector(columns, row))?;
         let ned = earth::rotation_ned(latitude) + earth::transport_rate(latitude, altitude_m, &velocity);
-        Some(quotient.scaled_axis() / span_s + here.inverse() * ned)
+        Some(get(&turn_rates, row)? + here.inverse() * ned)
     })
 }
 
 /// Specific force in body axes, m/s², from attitude and velocity; arguments and missing values as
-/// [`inertial_rate`]. `f_n = dv/dt + (2 ω_ie + ω_en) × v − g`.
+/// [`inertial_rate`], of which it needs no attitude but the row's. `f_n = dv/dt + (2 ω_ie + ω_en) × v − g`.
 pub fn specific_force(
     time_s: &[f64],
     attitude_rad: &Columns,
@@ -46,12 +50,12 @@ pub fn specific_force(
 ) -> Columns {
     let velocities: Vec<Option<Vector3<f64>>> = rows(velocity_ned).collect();
     let gravity = Vector3::new(0.0, 0.0, earth::gravity(latitude, altitude_m));
+    let accelerations =
+        derivatives(time_s, |row, other| Some(get(&velocities, other)? - get(&velocities, row)?));
     columns(time_s.len(), |row| {
         let attitude = rotation(vector(attitude_rad, row)?);
         let velocity = get(&velocities, row)?;
-        let (before, after) = neighbours(row)?;
-        let span_s = time_s.get(after)? - time_s.get(before)?;
-        let acceleration = (get(&velocities, after)? - get(&velocities, before)?) / span_s;
+        let acceleration = get(&accelerations, row)?;
         let turn =
             2.0 * earth::rotation_ned(latitude) + earth::transport_rate(latitude, altitude_m, &velocity);
         Some(attitude.inverse() * (acceleration + turn.cross(&velocity) - gravity))
@@ -88,9 +92,74 @@ fn get<T: Copy>(values: &[Option<T>], row: usize) -> Option<T> {
     values.get(row).copied().flatten()
 }
 
-/// The rows to difference at `row`.
-fn neighbours(row: usize) -> Option<(usize, usize)> {
-    Some((row.checked_sub(1)?, row + 1))
+/// Slopes over one to four rows on either side, of which the derivatives of second to eighth order are made (Richardson):
+/// error of order 2, 4, 6, 8.
+const OF_SLOPES: [[f64; 4]; 4] = [
+    [1.0, 0.0, 0.0, 0.0],
+    [4.0 / 3.0, -1.0 / 3.0, 0.0, 0.0],
+    [3.0 / 2.0, -3.0 / 5.0, 1.0 / 10.0, 0.0],
+    [8.0 / 5.0, -4.0 / 5.0, 8.0 / 35.0, -1.0 / 35.0],
+];
+
+/// Square of the part of a slope that is rounding of its digits.
+const DIGITS: f64 = 1e-24;
+
+/// Derivative in every row of what differs by `change(row, other)` between two rows; none where a neighbour is missing.
+///
+/// What the next order adds is what this one leaves out of the motion, and noise; what the one after that adds is nearly noise
+/// alone, and the ratio of the two for white noise is known. The order is raised as long as the motion that it saves is
+/// more than the noise that it adds, by mean squares over the whole recording.
+fn derivatives(
+    time_s: &[f64],
+    change: impl Fn(usize, usize) -> Option<Vector3<f64>>,
+) -> Vec<Option<Vector3<f64>>> {
+    let slope = |row: usize, reach: usize| {
+        let (before, after) = (row.checked_sub(reach)?, row + reach);
+        let span_s = time_s.get(after)? - time_s.get(before)?;
+        Some((change(row, after)? - change(row, before)?) / span_s)
+    };
+    let slopes: [Vec<Option<Vector3<f64>>>; 4] =
+        std::array::from_fn(|index| (0..time_s.len()).map(|row| slope(row, index + 1)).collect());
+    let combined = |row: usize, weights: &[f64; 4]| {
+        let mut sum = Vector3::zeros();
+        for (slopes, &weight) in slopes.iter().zip(weights).filter(|(_, weight)| **weight != 0.0) {
+            sum += get(slopes, row)? * weight;
+        }
+        Some(sum)
+    };
+    let plain = slopes[0].iter().flatten().count();
+    // None where so few rows have all their neighbours that they say nothing of the others, which would be lost.
+    let mean_square = |weights: &[f64; 4]| {
+        let squares: Vec<f64> =
+            (0..time_s.len()).filter_map(|row| Some(combined(row, weights)?.norm_squared())).collect();
+        (!squares.is_empty() && 2 * squares.len() >= plain)
+            .then(|| squares.iter().sum::<f64>() / squares.len() as f64)
+    };
+    let added = |order: usize| {
+        std::array::from_fn::<f64, 4, _>(|index| OF_SLOPES[order + 1][index] - OF_SLOPES[order][index])
+    };
+    let rounding = DIGITS * mean_square(&OF_SLOPES[0]).unwrap_or_default();
+    let mut order = 0;
+    while order + 2 < OF_SLOPES.len() {
+        let (Some(adds), Some(adds_next)) = (mean_square(&added(order)), mean_square(&added(order + 1)))
+        else {
+            break;
+        };
+        // Variance of white noise in the angles, in units of what a single slope makes of it.
+        let noise = adds_next / noise_through(&added(order + 1));
+        let motion = adds - noise * noise_through(&added(order));
+        let costs = noise * (noise_through(&OF_SLOPES[order + 1]) - noise_through(&OF_SLOPES[order]));
+        if adds <= rounding || motion <= costs {
+            break;
+        }
+        order += 1;
+    }
+    (0..time_s.len()).map(|row| combined(row, &OF_SLOPES[order])).collect()
+}
+
+/// Variance that combined slopes have by white noise, relative to that of the slope over one row on either side.
+fn noise_through(weights: &[f64; 4]) -> f64 {
+    weights.iter().enumerate().map(|(index, weight)| (weight / (index as f64 + 1.0)).powi(2)).sum()
 }
 
 #[cfg(test)]
@@ -164,6 +233,33 @@ mod tests {
         let expected =
             Vector3::new(0.0, -2.0 * omega * sin * speed, turn * speed - earth::gravity(LATITUDE, 0.0));
         assert!((vector(&force, 1).unwrap() - expected).norm() < 1e-10);
+    }
+
+    /// Yaw that swings with forty rows a period: the second order alone would be wrong by 0.4 %. Between rows that are noisy the
+    /// plain difference stays, which lets least of it through.
+    #[test]
+    fn a_swing_is_recovered_beyond_the_second_order_unless_the_angles_are_noisy() {
+        let (rows, amplitude) = (400, 0.3);
+        let omega = 2.0 * PI / (40.0 * STEP_S);
+        let found = |noise: f64| {
+            let jitter = |k: usize| (43_758.545_3 * (12.989_8 * k as f64).sin()).rem_euclid(1.0) - 0.5;
+            let yaw = (times(rows).iter().enumerate())
+                .map(|(k, time)| amplitude * (omega * time).sin() + noise * jitter(k))
+                .collect();
+            inertial_rate(&times(rows), &[vec![0.0; rows], vec![0.0; rows], yaw], None, 0.0, 0.0)
+        };
+        let worst = |rate: &Columns| {
+            (times(rows).iter().enumerate())
+                .filter_map(|(row, time)| {
+                    Some((vector(rate, row)?.z - amplitude * omega * (omega * time).cos()).abs())
+                })
+                .fold(0.0, f64::max)
+        };
+        let largest = amplitude * omega;
+        assert!(worst(&found(0.0)) < 1e-6 * largest);
+        // Noise of a quarter of the largest turn in a step.
+        let noisy = found(0.01);
+        assert!(vector(&noisy, 1).is_some(), "the plain difference needs one neighbour");
     }
 
     /// At a changing rate a one-sided difference would be that of another time.
