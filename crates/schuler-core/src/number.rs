@@ -101,7 +101,7 @@ mod tests {
     /// Against libm, over four turns to either side and at small angles, where the sine is as good as its argument.
     #[test]
     fn sine_and_cosine_are_good_to_their_last_digits() {
-        let steps = crate::repeats(25_000) as i32;
+        let steps = crate::repeats(25_000).cast_signed();
         for step in -steps..=steps {
             let x = 25.0 * f64::from(step) / f64::from(steps);
             let (sine, cosine) = sine_and_cosine(x);
