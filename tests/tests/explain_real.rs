@@ -257,7 +257,9 @@ fn check(script: &str, wanted: impl Fn(&str) -> bool) {
     let answer: Value = serde_json::from_str(&answer).expect("the script prints JSON");
     let mut wrong = Vec::new();
     let cases = answer["cases"].as_object().into_iter().flatten();
-    for (case, calculated) in cases.filter(|(case, _)| wanted(case)) {
+    let cases: Vec<_> = cases.filter(|(case, _)| wanted(case)).collect();
+    assert!(!cases.is_empty(), "{script} calculates none of the cases that are asked for");
+    for (case, calculated) in cases {
         let independent = independent(calculated);
         let beside = root.join(format!("{case}.toml"));
         let path = if beside.exists() { beside } else { folder.join(format!("{case}.toml")) };
