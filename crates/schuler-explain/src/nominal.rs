@@ -333,7 +333,7 @@ impl Model {
                 unknown: false,
                 nominal,
                 unit: dimension.si_unit(),
-                integrates: true,
+                integrates: false,
             });
         }
         let start = data.iter().copied().find(|value| value.is_finite()).unwrap_or_default();
