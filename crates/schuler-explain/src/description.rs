@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 
 use crate::catalogue::{Candidate, Column, OnsetShape, Port, Search};
-use crate::inputs::series::delayed;
+use crate::inputs::series::delayed_closely;
 use crate::least_squares::{Solution, dot, solve};
 use crate::nominal::Model;
 use crate::whiten::Filter;
@@ -115,7 +115,7 @@ impl Delays {
             return Cow::Borrowed(column);
         }
         let late = |(sensor, values): &(usize, Vec<f64>)| {
-            let late = delayed(&model.time_s, values, self.of(*sensor));
+            let late = delayed_closely(&model.time_s, values, self.of(*sensor));
             (*sensor, late.zip(values).map(|(late, &now)| late.unwrap_or(now)).collect())
         };
         Cow::Owned(Column { parts: column.parts.iter().map(late).collect() })

@@ -265,9 +265,12 @@ fn straight_on(time_s: &[f64], input: &[f64], delay_s: f64) -> impl Fn(f64) -> f
     move |time| value + slope * (time - delay_s - from).clamp(last - most, last + most)
 }
 
-/// The body's rate over the Earth: less the Earth's own where the attitude is known.
+/// The body's rate over the Earth at the instant of each row; a recorded one less the Earth's own where the attitude is known.
 fn rate_over_earth(inputs: &Inputs<'_>, rate: &[Series; 3]) -> [Series; 3] {
     let motion = &inputs.motion;
+    if let Some(turn_rate) = &motion.turn_rate {
+        return turn_rate.clone();
+    }
     let (Some(north), Some(down), Some(site)) = (&motion.north, &motion.down, inputs.recording.case.site)
     else {
         return rate.clone();
