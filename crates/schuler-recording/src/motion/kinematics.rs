@@ -32,7 +32,7 @@ pub fn inertial_rate(
     let turned = |row: usize, other: usize| {
         Some((get(&attitudes, row)?.inverse() * get(&attitudes, other)?).scaled_axis())
     };
-    let (turn_rates, _) = derivatives(time_s, turned);
+    let turn_rates = derivatives(time_s, turned);
     columns(time_s.len(), |row| {
         let here = get(&attitudes, row)?;
         let velocity = velocity_ned.map_or(Some(Vector3::zeros()), |columns| vector(columns, row))?;
@@ -46,42 +46,56 @@ pub fn inertial_rate(
 ///
 /// What is beside the reference point moves with ω × r of the instant. A vehicle that sways within a few steps has the peaks of its
 /// rate between the rows, and a derivative of low order lacks them: at 2.2 rad a step the second order takes 37 % of a swing, the
-/// sixteenth, which this is, 93 %. Where white noise of the angles would be more than [`MOST_NOISE`] of the rate's mean square it
-/// is the order that [`inertial_rate`] takes.
+/// sixteenth, which this is, 93 %. Where white noise of the angles would be more than [`MOST_NOISE`] of its mean square it is
+/// the second.
 pub fn turn_rate(time_s: &[f64], attitude_rad: &Columns) -> Columns {
     let time_s = &*sampling_times(time_s);
     let attitudes: Vec<Option<Rotation3<f64>>> = rows(attitude_rad).map(|row| row.map(rotation)).collect();
     let turned = |row: usize, other: usize| {
         Some((get(&attitudes, row)?.inverse() * get(&attitudes, other)?).scaled_axis())
     };
-    let of_instant = |row: usize| {
-        // No further than the logarithm is nearly the angle.
-        let reached = |reach: usize| {
-            let within =
-                |other: usize| turned(row, other).filter(|turn| turn.norm() < FARTHEST_TURN).is_some();
-            row.checked_sub(reach).is_some_and(within) && within(row + reach)
-        };
-        let reach = (1..=WIDEST_REACH).take_while(|&reach| reached(reach)).last()?;
-        let mut rate = Vector3::zeros();
-        for (index, weight) in flattest(reach).into_iter().enumerate() {
-            let (before, after) = (row - index - 1, row + index + 1);
-            rate +=
-                (turned(row, after)? - turned(row, before)?) * (weight / (time_s[after] - time_s[before]));
-        }
-        Some(rate)
+    // Turns to the rows on either side, before and after, nearest first; no further than the logarithm is nearly the angle.
+    let turns = |row: usize, reach: usize| -> Vec<[Vector3<f64>; 2]> {
+        let near = |other: usize| turned(row, other).filter(|turn| turn.norm() < FARTHEST_TURN);
+        (1..=reach).map_while(|k| Some([near(row.checked_sub(k)?)?, near(row + k)?])).collect()
     };
-    let (rates, noise) = derivatives(time_s, turned);
-    let mean_square = rates.iter().flatten().map(Vector3::norm_squared).sum::<f64>()
-        / rates.iter().flatten().count().max(1) as f64;
-    let through: f64 = (flattest(WIDEST_REACH).iter().zip(1..))
-        .map(|(weight, reach)| (weight / f64::from(reach)).powi(2))
-        .sum();
-    let noisy = noise * through > MOST_NOISE * mean_square;
-    columns(time_s.len(), |row| if noisy { get(&rates, row) } else { of_instant(row) })
+    let rate = |row: usize, reach: usize| {
+        let turns = turns(row, reach);
+        let slopes = turns
+            .iter()
+            .zip(1..)
+            .map(|([before, after], k)| (after - before) / (time_s[row + k] - time_s[row - k]));
+        (!turns.is_empty()).then(|| {
+            flattest(turns.len())
+                .into_iter()
+                .zip(slopes)
+                .map(|(weight, slope)| weight * slope)
+                .sum::<Vector3<f64>>()
+        })
+    };
+    // Of the rows that have all neighbours: what white noise alone would be in the last difference, which takes least of a motion.
+    let through: f64 =
+        (flattest(WIDEST_REACH).iter().zip(1..)).map(|(weight, k)| (weight / f64::from(k)).powi(2)).sum();
+    let (mut noise, mut mean_square) = (0.0, 0.0);
+    for row in WIDEST_REACH..time_s.len().saturating_sub(WIDEST_REACH) {
+        let turns = turns(row, WIDEST_REACH);
+        if turns.len() == WIDEST_REACH {
+            let differences =
+                turns.iter().zip(LAST_DIFFERENCE).map(|(turn, weight)| weight * (turn[0] + turn[1]));
+            let variance = differences.sum::<Vector3<f64>>().norm_squared() / LAST_DIFFERENCE_SQUARES;
+            noise += 2.0 * through * variance / (time_s[row + 1] - time_s[row - 1]).powi(2);
+            mean_square += rate(row, WIDEST_REACH).map_or(0.0, |rate| rate.norm_squared());
+        }
+    }
+    let reach = if noise > MOST_NOISE * mean_square { 1 } else { WIDEST_REACH };
+    columns(time_s.len(), |row| rate(row, reach))
 }
 
 /// Neighbours on either side for the rate of the instant.
 const WIDEST_REACH: usize = 8;
+/// Weights of the rows beside the middle in the sixteenth difference, and the sum of the squares of all.
+const LAST_DIFFERENCE: [f64; WIDEST_REACH] = [-11_440.0, 8008.0, -4368.0, 1820.0, -560.0, 120.0, -16.0, 1.0];
+const LAST_DIFFERENCE_SQUARES: f64 = 601_080_390.0;
 /// Turn of a neighbour that is still used for it, rad.
 const FARTHEST_TURN: f64 = 1.0;
 /// Part of the rate's mean square that may be noise of the angles.
@@ -111,7 +125,7 @@ pub fn specific_force(
     let time_s = &*sampling_times(time_s);
     let velocities: Vec<Option<Vector3<f64>>> = rows(velocity_ned).collect();
     let gravity = Vector3::new(0.0, 0.0, earth::gravity(latitude, altitude_m));
-    let (accelerations, _) =
+    let accelerations =
         derivatives(time_s, |row, other| Some(get(&velocities, other)? - get(&velocities, row)?));
     columns(time_s.len(), |row| {
         let attitude = rotation(vector(attitude_rad, row)?);
@@ -165,8 +179,7 @@ const OF_SLOPES: [[f64; 4]; 4] = [
 /// Square of the part of a slope that is rounding of its digits.
 const DIGITS: f64 = 1e-24;
 
-/// Derivative in every row of what differs by `change(row, other)` between two rows, none where a neighbour is missing; and the
-/// variance that white noise gives a single slope, at most.
+/// Derivative in every row of what differs by `change(row, other)` between two rows; none where a neighbour is missing.
 ///
 /// What the next order adds is what this one leaves out of the motion, and noise; what the one after that adds is nearly noise
 /// alone, and the ratio of the two for white noise is known. The order is raised as long as the motion that it saves is
@@ -174,7 +187,7 @@ const DIGITS: f64 = 1e-24;
 fn derivatives(
     time_s: &[f64],
     change: impl Fn(usize, usize) -> Option<Vector3<f64>>,
-) -> (Vec<Option<Vector3<f64>>>, f64) {
+) -> Vec<Option<Vector3<f64>>> {
     let slope = |row: usize, reach: usize| {
         let (before, after) = (row.checked_sub(reach)?, row + reach);
         let span_s = time_s.get(after)? - time_s.get(before)?;
@@ -201,14 +214,14 @@ fn derivatives(
         std::array::from_fn::<f64, 4, _>(|index| OF_SLOPES[order + 1][index] - OF_SLOPES[order][index])
     };
     let rounding = DIGITS * mean_square(&OF_SLOPES[0]).unwrap_or_default();
-    let (mut order, mut noise) = (0, 0.0);
+    let mut order = 0;
     while order + 2 < OF_SLOPES.len() {
         let (Some(adds), Some(adds_next)) = (mean_square(&added(order)), mean_square(&added(order + 1)))
         else {
             break;
         };
         // Variance of white noise in the angles, in units of what a single slope makes of it.
-        noise = adds_next / noise_through(&added(order + 1));
+        let noise = adds_next / noise_through(&added(order + 1));
         let motion = adds - noise * noise_through(&added(order));
         let costs = noise * (noise_through(&OF_SLOPES[order + 1]) - noise_through(&OF_SLOPES[order]));
         if adds <= rounding || motion <= costs {
@@ -216,7 +229,7 @@ fn derivatives(
         }
         order += 1;
     }
-    ((0..time_s.len()).map(|row| combined(row, &OF_SLOPES[order])).collect(), noise)
+    (0..time_s.len()).map(|row| combined(row, &OF_SLOPES[order])).collect()
 }
 
 /// Variance that combined slopes have by white noise, relative to that of the slope over one row on either side.
