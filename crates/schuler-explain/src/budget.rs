@@ -37,6 +37,20 @@ impl Budget {
         Self { left: self.left / number.max(1) as f64, exceeded: false }
     }
 
+    /// Sets a part of it aside for what comes later.
+    #[must_use]
+    pub fn set_aside(&mut self, part: f64) -> Self {
+        let aside = part * self.left;
+        self.left -= aside;
+        Self { left: aside, exceeded: false }
+    }
+
+    /// This and what another leaves.
+    #[must_use]
+    pub fn with(self, other: Self) -> Self {
+        Self { left: self.left + other.left, exceeded: self.exceeded || other.exceeded }
+    }
+
     /// Takes some work off, unless it is more than what is left.
     pub fn affords(&mut self, work: f64) -> bool {
         let affords = work <= self.left;
@@ -89,5 +103,9 @@ mod tests {
         assert!(!budget.affords(5.0) && budget.exceeded);
         // What is less still fits in.
         assert!(budget.affords(4.0));
+        let mut budget = Budget { left: 10.0, exceeded: false };
+        let aside = budget.set_aside(0.25);
+        assert!(budget.affords(7.5) && !budget.affords(0.1));
+        assert!(budget.with(aside).affords(2.5));
     }
 }

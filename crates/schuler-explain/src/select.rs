@@ -13,7 +13,7 @@
 //! a change was taken, the search goes on from the description without it, and once from all parts that the user names, with the
 //! values that fit best together. A search that would go on as the search from nothing did ends where it meets its way.
 //!
-//! All that has a budget of work ([`crate::budget`]): the search from nothing has the whole of it, all others share what it leaves.
+//! All that has a budget of work ([`crate::budget`]): the search from nothing has two thirds of it, all others share what it leaves.
 use rayon::prelude::*;
 
 use crate::budget::{Budget, of_round};
@@ -32,8 +32,10 @@ use crate::watch::Phase;
 
 /// Findings at which the search ends, whatever there is left: what is significant decides, and not a number.
 pub const MOST_FINDINGS: usize = 32;
-/// Most terms that are taken before a change of noise is asked.
+/// Most terms that are taken before a change of noise is asked; in a redundant set one for each of its sensors, where that is more.
 const MOST_TERMS_FIRST: usize = 4;
+/// Part of the budget that the search from nothing leaves.
+const FOR_OTHERS: f64 = 1.0 / 3.0;
 /// Rounds, those that take something back included.
 const MOST_ROUNDS: usize = 2 * MOST_FINDINGS;
 /// Findings in whose number the progress is told, as it is not known how many there will be.
@@ -121,8 +123,10 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
         forward(case, start, &family, ln_level, Walk { way, promised, visited }, budget)
     };
     let mut budget = Budget::new(case.model);
+    let aside = budget.set_aside(FOR_OTHERS);
     let Walked { found, visited, .. } = from_nothing(Way::Best, &[], &mut budget);
     let straight = valued(found, &mut budget);
+    let mut budget = budget.with(aside);
     // From another description, pruned.
     let from = |start: State, prices: Vec<Price>, way: Way, budget: &mut Budget| {
         let (start, bench, prices) = pruned(case, start, prices, &family, ln_level);
@@ -289,6 +293,8 @@ fn forward<'c>(
 ) -> Walked<'c> {
     let mut bench = Bench::new(case, &state.terms, &state.noises);
     let mut terms_only = way == Way::TermsFirst;
+    let redundant = case.model.blocks.iter().filter(|block| block.channels < block.sources.len());
+    let most_terms_first = redundant.map(|block| block.sources.len()).fold(MOST_TERMS_FIRST, usize::max);
     let mut noises: Vec<(usize, ChangeFit)> = Vec::new();
     // Blocks whose changes of noise are to be fitted anew.
     let mut unfitted: Vec<usize> = (0..case.model.blocks.len()).collect();
@@ -323,7 +329,7 @@ fn forward<'c>(
         let mut chosen = None;
         if terms_only {
             chosen = choose(case, &state, &bench, family, proposals, &[], ln_level);
-            terms_only = chosen.is_some() && state.terms.len() < MOST_TERMS_FIRST;
+            terms_only = chosen.is_some() && state.terms.len() < most_terms_first;
         }
         if !terms_only {
             noises.retain(|(_, fit)| {

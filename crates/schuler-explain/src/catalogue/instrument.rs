@@ -10,11 +10,13 @@ use super::draft::{Draft, Instrument, any, displaced, gyros, instruments, logari
 use super::input::varying;
 use super::{Candidate, Column, Effect, Nonlinear, Port, Search, Signature, Target};
 use crate::inputs::motion::{along, of_rows, row_of};
-use crate::inputs::series::{delayed, lagged_smooth, varies};
+use crate::inputs::series::{delayed, derivative, lagged_smooth, rms, varies};
 use crate::inputs::{Inputs, Place, Series};
 
-/// Smallest delay searched, s: what a precise sensor shows in a fast motion.
-const LEAST_DELAY_S: f64 = 1e-5;
+/// Smallest delay and lag searched, s, unless still less shows.
+const LEAST_S: f64 = 1e-5;
+/// The same, whatever shows: no clock is better.
+const LEAST_OF_ALL_S: f64 = 1e-9;
 /// Largest delay of inertial sensors and of velocities, whose message may wait its turn on a line or under water. Radio comes up to 2 s
 /// late as a rule; a search that ended there would call what comes later a lag, and then another one.
 const MOST_DELAY_S: [f64; 2] = [2.0, 10.0];
@@ -22,8 +24,6 @@ const MOST_DELAY_S: [f64; 2] = [2.0, 10.0];
 const PER_DECADE: f64 = 3.0;
 /// How far beyond an end of the record an input goes straight on, steps.
 const STRAIGHT_ON_STEPS: f64 = 2.0;
-/// Smallest lag searched, s.
-const LEAST_LAG_S: f64 = 1e-5;
 /// Largest lag of inertial sensors and of velocities.
 const MOST_LAG_S: [f64; 2] = [0.6, 2.0];
 
@@ -36,13 +36,13 @@ pub(super) const TIME_DELAY: Effect = Effect {
     source: "IEEE Std 1559 (inertial systems), data latency",
     acts_on: any,
     candidates: |effect, inputs| {
-        let searched =
-            |most: f64| logarithmic(LEAST_DELAY_S, most.min(inputs.duration_s() / 20.0), PER_DECADE);
-        if searched(MOST_DELAY_S[0]).len() < 2 {
+        let longest_s = inputs.duration_s() / 20.0;
+        if longest_s < 2.0 * LEAST_S {
             return Vec::new();
         }
         let grid = |place: &Place| -> Vec<f64> {
-            let late = searched(MOST_DELAY_S[usize::from(place.dimension() == Dimension::Velocity)]);
+            let most = MOST_DELAY_S[usize::from(place.dimension() == Dimension::Velocity)];
+            let late = logarithmic(least_s(inputs, place), most.min(longest_s), PER_DECADE);
             // The reference can be the late one; an accelerometer in a loop has none.
             if place.port == Port::Output {
                 late.iter().rev().map(|delay| -delay).chain(late.iter().copied()).collect()
@@ -101,7 +101,11 @@ pub(super) const BANDWIDTH_LAG: Effect = Effect {
     candidates: |effect, inputs| {
         let parameter = |place: &Place| {
             let most = MOST_LAG_S[usize::from(place.dimension() == Dimension::Velocity)];
-            Nonlinear { name: "tau_s", unit: "s", grid: logarithmic(LEAST_LAG_S, most, PER_DECADE) }
+            Nonlinear {
+                name: "tau_s",
+                unit: "s",
+                grid: logarithmic(least_s(inputs, place), most, PER_DECADE),
+            }
         };
         let signature = |time_s: &[f64], input: &[f64], tau_s: f64| -> Vec<f64> {
             lagged_smooth(time_s, input, tau_s).iter().zip(input).map(|(lagged, now)| lagged - now).collect()
@@ -216,6 +220,18 @@ pub(super) const EARTH_RATE_ATTITUDE: Effect = Effect {
     },
 };
 
+/// Smallest delay or lag that is searched: one that moves readings by what their white noise hides over the whole record, if that is
+/// less than usual; a precise sensor shows microseconds in a fast motion.
+fn least_s(inputs: &Inputs<'_>, place: &Place) -> f64 {
+    let shown = || {
+        let nominal = &inputs.recording.sensors.get(place.sensor)?.sensor.nominal;
+        let slope = rms(&derivative(&inputs.time_s, place.input.as_ref()?));
+        let hidden = nominal.white / (inputs.rows() as f64).sqrt();
+        (hidden > 0.0 && slope > 0.0).then_some(hidden / slope)
+    };
+    shown().unwrap_or(LEAST_S).clamp(LEAST_OF_ALL_S, LEAST_S)
+}
+
 /// The candidates of every instrument for a signature of its sensors' own inputs with one parameter and no amplitude.
 fn whole(
     effect: &'static Effect,
@@ -265,12 +281,9 @@ fn straight_on(time_s: &[f64], input: &[f64], delay_s: f64) -> impl Fn(f64) -> f
     move |time| value + slope * (time - delay_s - from).clamp(last - most, last + most)
 }
 
-/// The body's rate over the Earth at the instant of each row; a recorded one less the Earth's own where the attitude is known.
+/// The body's rate over the Earth: less the Earth's own where the attitude is known.
 fn rate_over_earth(inputs: &Inputs<'_>, rate: &[Series; 3]) -> [Series; 3] {
     let motion = &inputs.motion;
-    if let Some(turn_rate) = &motion.turn_rate {
-        return turn_rate.clone();
-    }
     let (Some(north), Some(down), Some(site)) = (&motion.north, &motion.down, inputs.recording.case.site)
     else {
         return rate.clone();

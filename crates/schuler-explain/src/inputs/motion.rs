@@ -4,7 +4,7 @@
 use nalgebra::{Rotation3, Vector3};
 use schuler_recording::Recording;
 use schuler_recording::case::MotionKind;
-use schuler_recording::motion::{body_to_ned, earth, inertial_rate, specific_force, turn_rate};
+use schuler_recording::motion::{Use, body_to_ned, earth, inertial_rate, specific_force};
 
 use super::redundant;
 use super::series::{Series, bridged, derivative};
@@ -18,8 +18,6 @@ pub type Vectors = [Series; 3];
 pub struct BodyMotion {
     /// Inertial rate, rad/s.
     pub rate: Option<Vectors>,
-    /// Rate over the ground at the instant of the row, rad/s, of which the inertial rate may be the mean about it.
-    pub turn_rate: Option<Vectors>,
     /// Angular acceleration, rad/s².
     pub angular_acceleration: Option<Vectors>,
     /// Specific force, m/s².
@@ -100,20 +98,18 @@ impl BodyMotion {
         motion.velocity =
             (velocity_ned.as_ref()).map(|[n, e, d]| in_body(&|row| Vector3::new(n[row], e[row], d[row])));
         let columns = |vectors: &Vectors| vectors.each_ref().map(|component| component.to_vec());
-        if motion.rate.is_none() {
-            motion.turn_rate = fill(time_s, &turn_rate(time_s, &columns(&attitude)));
-        }
         if let (None, Some(site)) = (&motion.rate, recording.case.site) {
             let (latitude, altitude) = (site.latitude_deg.to_radians(), site.altitude_m);
             let velocity = velocity_ned.as_ref().map(columns);
-            let rate = inertial_rate(time_s, &columns(&attitude), velocity.as_ref(), latitude, altitude);
+            let rate =
+                inertial_rate(time_s, &columns(&attitude), velocity.as_ref(), latitude, altitude, Use::Input);
             motion.rate = fill(time_s, &rate);
         }
         if motion.force.is_none() {
             motion.force = if let (Some(velocity), Some(site)) = (&velocity_ned, recording.case.site) {
                 let (latitude, altitude) = (site.latitude_deg.to_radians(), site.altitude_m);
                 let (attitude, velocity) = (columns(&attitude), columns(velocity));
-                fill(time_s, &specific_force(time_s, &attitude, &velocity, latitude, altitude))
+                fill(time_s, &specific_force(time_s, &attitude, &velocity, latitude, altitude, Use::Input))
             } else {
                 // Without a velocity the body turns where it is.
                 let gravity = gravity(recording);

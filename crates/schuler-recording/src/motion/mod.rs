@@ -10,7 +10,7 @@ mod stamps;
 
 use nalgebra::{Rotation3, Vector3};
 
-pub use kinematics::{inertial_rate, specific_force, turn_rate};
+pub use kinematics::{Use, inertial_rate, specific_force};
 pub use predict::{Prediction, Unpredictable, predict};
 
 /// Rotation from body axes to north-east-down for roll, pitch and yaw in radians.

@@ -1,7 +1,7 @@
 //! What an ideal sensor on the body would have read.
 use nalgebra::{Unit, Vector3};
 
-use super::kinematics::{columns, rotation, vector};
+use super::kinematics::{Use, columns, rotation, vector};
 use super::{body_to_ned, inertial_rate, rate_at_rest, specific_force, specific_force_at_rest};
 use crate::case::{MotionKind, Sensor, SensorKind, Site};
 use crate::recording::Recording;
@@ -92,7 +92,10 @@ fn moving(recording: &Recording, sensor: &Sensor) -> Result<Vec<f64>, Unpredicta
                 return Ok(along(&axis, rate));
             }
             let (attitude, (latitude, altitude_m)) = (attitude?, place(recording)?);
-            Ok(along(&axis, &inertial_rate(&recording.time_s, attitude, velocity, latitude, altitude_m)))
+            Ok(along(
+                &axis,
+                &inertial_rate(&recording.time_s, attitude, velocity, latitude, altitude_m, Use::Prediction),
+            ))
         }
         Dimension::Acceleration => {
             if let Some(force) = &motion.specific_force {
@@ -100,7 +103,10 @@ fn moving(recording: &Recording, sensor: &Sensor) -> Result<Vec<f64>, Unpredicta
             }
             let velocity = velocity.ok_or(Unpredictable::Velocity)?;
             let (attitude, (latitude, altitude_m)) = (attitude?, place(recording)?);
-            Ok(along(&axis, &specific_force(&recording.time_s, attitude, velocity, latitude, altitude_m)))
+            Ok(along(
+                &axis,
+                &specific_force(&recording.time_s, attitude, velocity, latitude, altitude_m, Use::Prediction),
+            ))
         }
         Dimension::Velocity => {
             let (velocity, attitude) = (velocity.ok_or(Unpredictable::Velocity)?, attitude?);
