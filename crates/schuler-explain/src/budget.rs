@@ -10,7 +10,7 @@ use crate::nominal::Model;
 use crate::state::{Case, State};
 
 /// Work that any search may do; a core does some 10⁷ of it a second.
-const LEAST: f64 = 1e9;
+const LEAST: f64 = 1.5e9;
 /// Work for each value of the record, so that a long one may have as many rounds as a short one.
 const FOR_A_VALUE: f64 = 1.5e4;
 /// Fits of a round beside those of the items: the proposals and changes of noise that are judged with all noises fitted.

@@ -32,7 +32,7 @@ use crate::watch::Phase;
 
 /// Findings at which the search ends, whatever there is left: what is significant decides, and not a number.
 pub const MOST_FINDINGS: usize = 32;
-/// Most terms that are taken before a change of noise is asked; in a redundant set one for each of its sensors, where that is more.
+/// Most terms that are taken before a change of noise is asked.
 const MOST_TERMS_FIRST: usize = 4;
 /// Part of the budget that the search from nothing leaves.
 const FOR_OTHERS: f64 = 1.0 / 3.0;
@@ -138,29 +138,32 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
     };
     let (best, _, prices) = &straight.1;
     let mut others = Vec::new();
+    let terms_first = if budget.exceeded { Way::TermsThenAllNoise } else { Way::TermsFirst };
     if !best.changes.is_empty() {
-        others.push(Way::TermsFirst);
+        others.push(terms_first);
     }
-    for (index, block) in case.model.blocks.iter().enumerate() {
-        let own = best.changes.iter().filter(|change| block.sources.contains(&change.source));
+    for index in several_sources(case.model) {
+        let sources = &case.model.blocks[index].sources;
+        let own = best.changes.iter().filter(|change| sources.contains(&change.source));
         let without: Vec<Way> = own.map(|change| Way::Without(change.candidate)).collect();
-        if block.channels < block.sources.len() && !without.is_empty() {
+        if !without.is_empty() {
             others.extend(without);
             others.push(Way::Parts(index));
         }
     }
-    let share = budget.shared_among(others.len());
+    // Terms first are what several effects together want: they have as much as all other ways.
+    let share = budget.shared_among(if others.len() > 1 { 2 } else { 1 });
+    let mut rest = share.shared_among(others.len().saturating_sub(1));
     // What goes on from another description begins with a round's work on it.
     let blocks: Vec<usize> = (0..case.model.blocks.len()).collect();
-    let mut rest = share;
     if !rest.affords(of_round(case, best, &blocks)) {
-        budget.exceeded |= others.iter().any(|way| *way != Way::TermsFirst);
-        others.retain(|way| *way == Way::TermsFirst);
+        budget.exceeded |= others.iter().any(|way| *way != terms_first);
+        others.retain(|way| *way == terms_first);
     }
     let searched = |way: Way| {
-        let mut budget = if way == Way::TermsFirst { share } else { rest };
+        let mut budget = if way == terms_first { share } else { rest };
         let walked = match way {
-            Way::Best | Way::TermsFirst => from_nothing(way, &visited, &mut budget),
+            Way::Best | Way::TermsFirst | Way::TermsThenAllNoise => from_nothing(way, &visited, &mut budget),
             Way::Without(candidate) => {
                 let place = best.changes.iter().position(|change| change.candidate == candidate);
                 let less = place.map(|place| without(case, best, Item::Change(place)).0);
@@ -186,10 +189,18 @@ enum Way {
     Best,
     /// Terms while there are any, then what shows most.
     TermsFirst,
+    /// Terms, in a redundant set as many as it has sensors; then all parts of the noises at once, and then what shows most. Many sensors
+    /// with an error and another noise each are more than a search finds one by one within its budget.
+    TermsThenAllNoise,
     /// From the best description without the change of noise that is this candidate: what shows most but for it.
     Without(usize),
     /// What shows most beside the nominal parts of the noises of a block with other values.
     Parts(usize),
+}
+
+/// The blocks in whose channels several sources meet.
+fn several_sources(model: &Model) -> impl Iterator<Item = usize> + '_ {
+    (0..model.blocks.len()).filter(|&block| model.blocks[block].channels < model.blocks[block].sources.len())
 }
 
 /// All parts of the noises of a block that the user names, as changes, with the values that fit best together.
@@ -292,9 +303,12 @@ fn forward<'c>(
     budget: &mut Budget,
 ) -> Walked<'c> {
     let mut bench = Bench::new(case, &state.terms, &state.noises);
-    let mut terms_only = way == Way::TermsFirst;
-    let redundant = case.model.blocks.iter().filter(|block| block.channels < block.sources.len());
-    let most_terms_first = redundant.map(|block| block.sources.len()).fold(MOST_TERMS_FIRST, usize::max);
+    let mut terms_only = matches!(way, Way::TermsFirst | Way::TermsThenAllNoise);
+    let mut most_terms_first = MOST_TERMS_FIRST;
+    if way == Way::TermsThenAllNoise {
+        let sources = several_sources(case.model).map(|block| case.model.blocks[block].sources.len());
+        most_terms_first = sources.fold(most_terms_first, usize::max);
+    }
     let mut noises: Vec<(usize, ChangeFit)> = Vec::new();
     // Blocks whose changes of noise are to be fitted anew.
     let mut unfitted: Vec<usize> = (0..case.model.blocks.len()).collect();
@@ -330,6 +344,15 @@ fn forward<'c>(
         if terms_only {
             chosen = choose(case, &state, &bench, family, proposals, &[], ln_level);
             terms_only = chosen.is_some() && state.terms.len() < most_terms_first;
+            if way == Way::TermsThenAllNoise && !terms_only && state.changes.is_empty() {
+                for block in several_sources(case.model) {
+                    state = parts(case, &state, block);
+                }
+                (state, bench, prices) = pruned(case, state, prices, family, ln_level);
+                visited.push((identity(&state), state.log_likelihood));
+                promised.renew(&bench, family, &|_| true);
+                continue;
+            }
         }
         if !terms_only {
             noises.retain(|(_, fit)| {
