@@ -15,7 +15,7 @@ def gyro_array(rng, title):
     case = Case("redundant", title, step_s, t, "unknown", site=place)
     case.motion = swing(rng, step_s * log_uniform(rng, 100, 1000), place["latitude_deg"] * DEGREE, place["altitude_m"],
                         amplitude=(0.02, 0.2))
-    count, half = int(rng.choice([4, 5, 5, 6])), np.arccos(1 / np.sqrt(3))
+    count, half = int(rng.choice([5, 5, 6])), np.arccos(1 / np.sqrt(3))
     kind = str(rng.choice(["dtg", "fog", "mems_gyro"]))
     noise = noise_of(rng, kind, step_s, t[-1])
     unit = None

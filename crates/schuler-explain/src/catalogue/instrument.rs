@@ -42,7 +42,7 @@ pub(super) const TIME_DELAY: Effect = Effect {
         }
         let grid = |place: &Place| -> Vec<f64> {
             let most = MOST_DELAY_S[usize::from(place.dimension() == Dimension::Velocity)];
-            let late = logarithmic(least_s(inputs, place), most.min(longest_s), PER_DECADE);
+            let late = searched(inputs, place, most.min(longest_s));
             // The reference can be the late one; an accelerometer in a loop has none.
             if place.port == Port::Output {
                 late.iter().rev().map(|delay| -delay).chain(late.iter().copied()).collect()
@@ -101,11 +101,7 @@ pub(super) const BANDWIDTH_LAG: Effect = Effect {
     candidates: |effect, inputs| {
         let parameter = |place: &Place| {
             let most = MOST_LAG_S[usize::from(place.dimension() == Dimension::Velocity)];
-            Nonlinear {
-                name: "tau_s",
-                unit: "s",
-                grid: logarithmic(least_s(inputs, place), most, PER_DECADE),
-            }
+            Nonlinear { name: "tau_s", unit: "s", grid: searched(inputs, place, most) }
         };
         let signature = |time_s: &[f64], input: &[f64], tau_s: f64| -> Vec<f64> {
             lagged_smooth(time_s, input, tau_s).iter().zip(input).map(|(lagged, now)| lagged - now).collect()
@@ -220,16 +216,21 @@ pub(super) const EARTH_RATE_ATTITUDE: Effect = Effect {
     },
 };
 
-/// Smallest delay or lag that is searched: one that moves readings by what their white noise hides over the whole record, if that is
-/// less than usual; a precise sensor shows microseconds in a fast motion.
-fn least_s(inputs: &Inputs<'_>, place: &Place) -> f64 {
+/// Delays or lags that are searched, up to `most`: from what moves readings by what their white noise hides over the whole record, if
+/// that is less than usual; a precise sensor shows microseconds in a fast motion. So little goes as the change of the input, and
+/// one in a decade leads to the others.
+fn searched(inputs: &Inputs<'_>, place: &Place, most: f64) -> Vec<f64> {
     let shown = || {
         let nominal = &inputs.recording.sensors.get(place.sensor)?.sensor.nominal;
         let slope = rms(&derivative(&inputs.time_s, place.input.as_ref()?));
         let hidden = nominal.white / (inputs.rows() as f64).sqrt();
         (hidden > 0.0 && slope > 0.0).then_some(hidden / slope)
     };
-    shown().unwrap_or(LEAST_S).clamp(LEAST_OF_ALL_S, LEAST_S)
+    let least = shown().unwrap_or(LEAST_S).max(LEAST_OF_ALL_S);
+    let mut searched = logarithmic(least, LEAST_S, 1.0);
+    searched.pop();
+    searched.extend(logarithmic(LEAST_S, most, PER_DECADE));
+    searched
 }
 
 /// The candidates of every instrument for a signature of its sensors' own inputs with one parameter and no amplitude.
