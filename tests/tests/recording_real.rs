@@ -3,7 +3,7 @@
 //! They look for the recordings in `SCHULER_DATA`, else in `../shared/data` beside the project.
 use std::path::{Path, PathBuf};
 
-use schuler_recording::motion::{Prediction, inertial_rate, predict};
+use schuler_recording::motion::{Prediction, Use, inertial_rate, predict};
 use schuler_recording::{Recording, table};
 
 fn data(name: &str) -> Option<PathBuf> {
@@ -89,7 +89,8 @@ fn the_rate_derived_from_attitude_is_what_a_cars_gyros_read() {
     let attitude = columns(&reference, &["t_s", "pitch_rad", "roll_rad", "yaw_rad", "lat_rad"]);
     let [time_s, pitch, roll, yaw, latitude] = attitude.as_slice() else { panic!("five columns") };
     let clockwise: Vec<f64> = yaw.iter().map(|yaw| -yaw).collect();
-    let rate = inertial_rate(time_s, &[roll.clone(), pitch.clone(), clockwise], None, latitude[0], 0.0);
+    let attitude = [roll.clone(), pitch.clone(), clockwise];
+    let rate = inertial_rate(time_s, &attitude, None, latitude[0], 0.0, Use::Prediction);
 
     let increments = columns(&gyros, &["t_s", "dthx_rad", "dthy_rad", "dthz_rad"]);
     let [gyro_time_s, right, forward, up] = increments.as_slice() else { panic!("four columns") };
@@ -97,12 +98,12 @@ fn the_rate_derived_from_attitude_is_what_a_cars_gyros_read() {
     for (axis, (derived, (read, sign))) in
         ["forward", "right", "down"].iter().zip(rate.iter().zip([(forward, 1.0), (right, 1.0), (up, -1.0)]))
     {
-        // Means of the gyro over the two steps of the reference about each of its rows.
+        // Means of the gyro over the step of the reference about each of its rows.
         let pairs: Vec<(f64, f64)> = (time_s.iter().zip(derived))
             .filter_map(|(&time, &derived)| {
-                let from = gyro_time_s.partition_point(|&gyro| gyro < time - 0.1);
-                let angles = read.get(from..from + 20)?;
-                Some((derived, sign * angles.iter().sum::<f64>() / 0.2))
+                let from = gyro_time_s.partition_point(|&gyro| gyro < time - 0.05);
+                let angles = read.get(from..from + 10)?;
+                Some((derived, sign * angles.iter().sum::<f64>() / 0.1))
             })
             .filter(|(derived, _)| derived.is_finite())
             .collect();

@@ -17,7 +17,7 @@ const SLACK: f64 = 1.01;
 pub(super) fn sampling_times(time_s: &[f64]) -> Cow<'_, [f64]> {
     let (Some(&first), Some(&last)) = (time_s.first(), time_s.last()) else { return Cow::Borrowed(time_s) };
     let steps = (time_s.len() - 1) as f64;
-    if !(last > first) || !time_s.iter().all(|time| time.is_finite()) {
+    if last <= first || time_s.iter().any(|time| !time.is_finite()) {
         return Cow::Borrowed(time_s);
     }
     let bit_s = LAST_BITS * f64::EPSILON * first.abs().max(last.abs());
