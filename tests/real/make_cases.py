@@ -5,7 +5,9 @@
 The recordings are read from SCHULER_DATA, else from ../shared/data beside the project; nothing of them may be kept in the
 project. A nominal value is what an engineer would believe who has the part's data sheet, not what the recording shows.
 Where a reference is another instrument, its own noise is in the nominal white noise as well, and the readings are
-averaged over just the time over which the reference's attitude or velocity is differenced, so that both are the same mean.
+averaged over the step of the reference about its rows: a derivative of its attitude or velocity is that of the instant where the
+motion is worth it, and the mean over a step is nearly the same. The car's noisy course is differenced over two steps, and so
+are its readings averaged.
 """
 
 import sys
@@ -202,17 +204,17 @@ def vehicle():
     time = fog.t_s.to_numpy()
     # A row holds the increments over the 10 ms that begin at its time.
     ends = mems.t_s.to_numpy() + 0.01
-    gyro = means_about(time, ends, mems[["dthx_rad", "dthy_rad", "dthz_rad"]].to_numpy() / 0.01, 0.1)
-    force = means_about(time, ends, mems[["dvx_mps", "dvy_mps", "dvz_mps"]].to_numpy() / 0.01, 0.1)
+    gyro = means_about(time, ends, mems[["dthx_rad", "dthy_rad", "dthz_rad"]].to_numpy() / 0.01, 0.05)
+    force = means_about(time, ends, mems[["dvx_mps", "dvy_mps", "dvz_mps"]].to_numpy() / 0.01, 0.05)
     table = pd.DataFrame({
         "t_s": time, "vn": fog.vN_mps, "ve": fog.vE_mps, "vd": -fog.vU_mps, **attitude_columns(ned),
         **dict(zip(["gx", "gy", "gz"], gyro.T)), **dict(zip(["ax", "ay", "az"], force.T)),
     })
     axes = [[0, 1, 0], [1, 0, 0], [0, 0, -1]]
-    # No data sheet. Automotive MEMS: 0.3 deg/sqrt(h) and 0.1 m/s/sqrt(h), in means over 0.2 s 2e-4 rad/s and 4e-3 m/s^2;
-    # the reference, differenced over 0.2 s: attitude to 20 urad 1.4e-4 rad/s, velocity to 3 mm/s 0.02 m/s^2.
-    sensors = [sensor(n, "mems_gyro", "rad/s", a, 2.5e-4, group="mems") for n, a in zip(["gx", "gy", "gz"], axes)]
-    sensors += [sensor(n, "accelerometer", "m/s^2", a, 0.02, group="mems") for n, a in zip(["ax", "ay", "az"], axes)]
+    # No data sheet. Automotive MEMS: 0.3 deg/sqrt(h) and 0.1 m/s/sqrt(h), in means over 0.1 s 2.8e-4 rad/s and 6e-3 m/s^2;
+    # the reference, differenced over 0.2 s: attitude to 20 urad 1.4e-4 rad/s, velocity to 3 mm/s 0.02 m/s^2, twice that by a higher order.
+    sensors = [sensor(n, "mems_gyro", "rad/s", a, 4e-4, group="mems") for n, a in zip(["gx", "gy", "gz"], axes)]
+    sensors += [sensor(n, "accelerometer", "m/s^2", a, 0.04, group="mems") for n, a in zip(["ax", "ay", "az"], axes)]
     motion = {"kind": "recorded", "velocity_ned": ["vn", "ve", "vd"], "attitude_rad": ["roll", "pitch", "yaw"]}
     write("vehicle_fog_mems/vehicle", "Vehicle, MEMS against a fibre-optic inertial system", table, 0.1, motion, sensors,
           site={"latitude_deg": 34.432, "longitude_deg": 111.434, "altitude_m": 172.3})
@@ -241,7 +243,7 @@ def six_positions():
 
 
 def optical():
-    """MEMS IMU with optical attitude (body from a frame with z up) and position, as 28.6 Hz means over 70 ms."""
+    """MEMS IMU with optical attitude (body from a frame with z up) and position, as 28.6 Hz means over 35 ms."""
     raw = pd.read_csv(DATA / "optical_reference/trial_01.csv.gz")
     stride = 10
     rows = np.arange(2 * stride, len(raw) - 2 * stride, stride)
@@ -253,7 +255,7 @@ def optical():
     ned = Rotation.from_matrix(NED_FROM_ENU @ enu.as_matrix())
     position = raw[["px_m", "py_m", "pz_m"]].to_numpy()
     velocity = (position[rows + stride] - position[rows - stride]) / (2 * stride * 0.0035) @ NED_FROM_ENU.T
-    half_s = stride * 0.0035
+    half_s = 0.5 * stride * 0.0035
     # A sample is read as the mean over the sampling interval about its time.
     ends = time + 0.00175
     gyro = means_about(time[rows], ends, raw[["gx_radps", "gy_radps", "gz_radps"]].to_numpy(), half_s)
@@ -263,7 +265,7 @@ def optical():
         "t_s": time[rows], **dict(zip(["vn", "ve", "vd"], velocity.T)), **angles,
         **dict(zip(["gx", "gy", "gz"], gyro.T)), **dict(zip(["ax", "ay", "az"], force.T)),
     })
-    # MEMS: 0.007 deg/s/sqrt(Hz) and 150 ug/sqrt(Hz), in means over 70 ms 3e-4 rad/s and 4e-3 m/s^2. The cameras: 0.2 mm
+    # MEMS: 0.007 deg/s/sqrt(Hz) and 150 ug/sqrt(Hz), in means over 35 ms 5e-4 rad/s and 6e-3 m/s^2. The cameras: 0.2 mm
     # over some 5 cm of markers, 4 mrad, differenced over 70 ms 0.08 rad/s at worst; their filter leaves about a tenth.
     # Position to 0.2 mm, differenced twice over 70 ms: 0.1 m/s^2.
     axes = np.eye(3).tolist()

@@ -137,7 +137,7 @@ pub(super) const LEVER_ARM: Effect = Effect {
         if !rate.iter().any(|axis| varies(axis)) {
             return Vec::new();
         }
-        let over_earth = rate_over_earth(inputs, rate);
+        let over_earth = rate_over_earth(inputs, inputs.motion.instant_rate.as_ref().unwrap_or(rate));
         let displacement = |place: &Place, arm: &Vector3<f64>| -> Vec<f64> {
             let reading = |row: usize| {
                 if place.dimension() == Dimension::Velocity {

@@ -18,6 +18,8 @@ pub type Vectors = [Series; 3];
 pub struct BodyMotion {
     /// Inertial rate, rad/s.
     pub rate: Option<Vectors>,
+    /// The same at the instant of each row, where the rate is derived and may be more like a mean about it.
+    pub instant_rate: Option<Vectors>,
     /// Angular acceleration, rad/s².
     pub angular_acceleration: Option<Vectors>,
     /// Specific force, m/s².
@@ -101,9 +103,12 @@ impl BodyMotion {
         if let (None, Some(site)) = (&motion.rate, recording.case.site) {
             let (latitude, altitude) = (site.latitude_deg.to_radians(), site.altitude_m);
             let velocity = velocity_ned.as_ref().map(columns);
-            let rate =
-                inertial_rate(time_s, &columns(&attitude), velocity.as_ref(), latitude, altitude, Use::Input);
-            motion.rate = fill(time_s, &rate);
+            let attitude = columns(&attitude);
+            let rate = |purpose| {
+                let rate = inertial_rate(time_s, &attitude, velocity.as_ref(), latitude, altitude, purpose);
+                fill(time_s, &rate)
+            };
+            (motion.rate, motion.instant_rate) = (rate(Use::Input), rate(Use::Instant));
         }
         if motion.force.is_none() {
             motion.force = if let (Some(velocity), Some(site)) = (&velocity_ned, recording.case.site) {

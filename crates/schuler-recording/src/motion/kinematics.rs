@@ -21,10 +21,12 @@ pub enum Use {
     /// To be compared with readings: as near as can be by mean squares, and none in rows beside ends and missing values where it would be
     /// much worse than elsewhere.
     Prediction,
-    /// To see how readings depend on it: what is left out of a motion goes with the motion and makes a coefficient wrong, noise
-    /// hardly does. The widest order, unless noise is a large part of what comes out, and in every row that has a
-    /// neighbour on either side.
+    /// To see how readings depend on it: the same, in every row that has a neighbour on either side.
     Input,
+    /// To see how a velocity beside the reference point depends on it, which is that of the instant: what is left out of a motion goes
+    /// with the motion and makes a coefficient wrong, noise hardly does. The widest order, unless noise is a large part of
+    /// what comes out, and in every row that has a neighbour on either side.
+    Instant,
 }
 
 /// Inertial rate in body axes, rad/s, from attitude and, for the turn over the Earth, velocity.
@@ -121,7 +123,7 @@ const FARTHEST_TURN: f64 = 1.0;
 const SAMPLED_ROWS: usize = 20_000;
 /// Fewest of them that can.
 const FEWEST_ROWS: usize = 10;
-/// Part of the mean square of an input that may be noise.
+/// Part of the mean square of what is of the instant that may be noise.
 const MOST_NOISE: f64 = 0.25;
 /// Mean square error, of that of the best order, with which a lower one is as good.
 const AS_GOOD: f64 = 4.0;
@@ -142,7 +144,7 @@ fn derivatives(
         (0..time_s.len()).step_by(stride).map(|row| changes(row, WIDEST_DIFFERENCE)).collect();
     let orders = (2..=WIDEST_DIFFERENCE).rev().find_map(|widest| Orders::new(&sampled, widest));
     let reach = orders.as_ref().map_or(1, |orders| match purpose {
-        Use::Input if !orders.noisy => orders.errors.len(),
+        Use::Instant if !orders.noisy => orders.errors.len(),
         _ => orders.best(),
     });
     let as_good = |reach: usize| orders.as_ref().is_none_or(|orders| orders.is_as_good(reach));
@@ -150,7 +152,8 @@ fn derivatives(
         .map(|row| {
             let changes = changes(row, reach);
             let reach = changes.reach();
-            (reach > 0 && (purpose == Use::Input || as_good(reach))).then(|| changes.sum(&flattest(reach)))
+            (reach > 0 && (purpose != Use::Prediction || as_good(reach)))
+                .then(|| changes.sum(&flattest(reach)))
         })
         .collect()
 }
@@ -382,7 +385,7 @@ mod tests {
         let roll: Vec<f64> = times(rows).iter().map(|time| amplitude * (omega * time).sin()).collect();
         let mut attitude = [roll, vec![0.0; rows], vec![0.0; rows]];
         attitude[0][140] = f64::NAN;
-        let found = inertial_rate(&times(rows), &attitude, None, 0.0, 0.0, Use::Input);
+        let found = inertial_rate(&times(rows), &attitude, None, 0.0, 0.0, Use::Instant);
         let part = |row: usize| {
             vector(&found, row).map(|rate| rate.x / (amplitude * omega * (omega * row as f64 * STEP_S).cos()))
         };
@@ -396,7 +399,7 @@ mod tests {
         let jitter: Vec<f64> =
             (0..rows).map(|k| (43_758.545_3 * (12.989_8 * k as f64).sin()).rem_euclid(1.0) - 0.5).collect();
         let noise = [vec![0.0; rows], vec![0.0; rows], jitter];
-        let found = inertial_rate(&times(rows), &noise, None, 0.0, 0.0, Use::Input);
+        let found = inertial_rate(&times(rows), &noise, None, 0.0, 0.0, Use::Instant);
         let mean = (noise[2][31] - noise[2][29]) / (2.0 * STEP_S);
         assert!((found[2][30] - mean).abs() < 1e-3 * mean.abs());
     }
