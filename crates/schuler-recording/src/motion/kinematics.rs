@@ -148,12 +148,13 @@ fn derivatives(
         _ => orders.best(),
     });
     let as_good = |reach: usize| orders.as_ref().is_none_or(|orders| orders.is_as_good(reach));
+    let weights: Vec<Vec<f64>> = (0..=reach).map(flattest).collect();
     (0..time_s.len())
         .map(|row| {
             let changes = changes(row, reach);
             let reach = changes.reach();
             (reach > 0 && (purpose != Use::Prediction || as_good(reach)))
-                .then(|| changes.sum(&flattest(reach)))
+                .then(|| changes.sum(&weights[reach]))
         })
         .collect()
 }
