@@ -21,7 +21,7 @@ use crate::nominal::{FEWEST_ROWS, Model};
 use crate::readings::{Fault, OFF_LATTICE, faults, lattice};
 use crate::refit::parameters;
 use crate::search::{Family, evidence};
-use crate::select::{Item, MOST_FINDINGS, Selection, Shown, add_change, select, without};
+use crate::select::{Item, MOST_FINDINGS, Selection, Shown, add_change, refine_terms, select, without};
 use crate::sentence::sentence;
 use crate::state::{Bench, Case, State, refitted};
 use crate::watch::{Phase, Unwatched, Watch};
@@ -535,7 +535,7 @@ fn findings<'c>(case: &'c Case<'c>, selection: &mut Selection<'c>, ln_level: f64
     let (state, bench) = refitted(case, &selection.state, None);
     selection.state = state;
     selection.bench = bench;
-    if polish_nonlinear(case, &mut selection.state) {
+    if selection.state.terms.len() > 1 && refine_terms(case, &mut selection.state, &|_| true) {
         (selection.state, selection.bench) = refitted(case, &selection.state, None);
     }
     let alone = found.len() == 1;
@@ -643,24 +643,6 @@ fn candidate_of(state: &State, item: Item) -> usize {
         Item::Term(place) => state.terms[place].candidate,
         Item::Change(place) => state.changes[place].candidate,
     }
-}
-
-/// Refines the non-linear parameters of each term beside the others; whether there were any.
-fn polish_nonlinear(case: &Case<'_>, state: &mut State) -> bool {
-    let mut refined = false;
-    for place in 0..state.terms.len() {
-        if state.terms[place].nonlinear.is_empty() || state.terms.len() < 2 {
-            continue;
-        }
-        let others: Vec<Term> = (state.terms.iter().enumerate())
-            .filter(|(index, _)| *index != place)
-            .map(|(_, term)| term.clone())
-            .collect();
-        let bench = Bench::new(case, &others, &state.noises);
-        state.terms[place] = bench.refined(&state.terms[place]).0;
-        refined = true;
-    }
-    refined
 }
 
 /// When it acts, to the end of the last step: from its onset or from where its signature begins.

@@ -6,11 +6,12 @@
 //! the noise is what the user believes: noise that is fitted swallows what was left out, and would hide the gain.
 use rayon::prelude::*;
 
-use crate::description::{Term, remainder};
+use crate::description::remainder;
 use crate::explanation::{BeforeAfter, Fit, Goodness};
 use crate::noise::Noise;
 use crate::nominal::Model;
-use crate::state::{Bench, Case, State, refitted};
+use crate::select::refine_terms;
+use crate::state::{Case, State, refitted};
 use crate::statistics::ljung_box;
 
 /// Blocks of time, and which of each three is held out.
@@ -135,17 +136,7 @@ fn masked(model: &Model, parts: &[Part]) -> Model {
 /// Terms and the free noise parameters fitted; with the amplitudes.
 fn fitted(case: &Case<'_>, state: &State) -> (State, nalgebra::DVector<f64>) {
     let mut state = state.clone();
-    for place in 0..state.terms.len() {
-        if state.terms[place].nonlinear.is_empty() {
-            continue;
-        }
-        let others: Vec<Term> = (state.terms.iter().enumerate())
-            .filter(|(index, _)| *index != place)
-            .map(|(_, term)| term.clone())
-            .collect();
-        let bench = Bench::new(case, &others, &state.noises);
-        state.terms[place] = bench.refined(&state.terms[place]).0;
-    }
+    refine_terms(case, &mut state, &|_| true);
     let (state, bench) = refitted(case, &state, None);
     (state, bench.solution.amplitudes)
 }

@@ -101,8 +101,6 @@ struct Prepared {
 
 /// How joint scores of unit variance come from independent normals.
 enum Root<'s> {
-    /// They are independent.
-    Independent,
     /// By Cholesky's root of their correlations.
     Correlations(DMatrix<f64>),
     /// By the sketches of their columns.
@@ -113,7 +111,6 @@ impl Root<'_> {
     /// Scores, one column a draw, each from a source of its own.
     fn draw(&self, size: usize, random: &mut [Pcg64]) -> DMatrix<f64> {
         match self {
-            Self::Independent => normals(size, random),
             Self::Correlations(root) => root * normals(size, random),
             Self::Sketches(sketches) => {
                 let normal = |random: &mut Pcg64| -> Vec<f32> {
@@ -689,7 +686,10 @@ impl BlockSums {
         for i in 0..size {
             correlation[(i, i)] = 1.0 + JITTER;
         }
-        correlation.cholesky().map_or(Root::Independent, |root| Root::Correlations(root.unpack()))
+        // Rounded correlations of many columns that are nearly collinear may have no root.
+        correlation
+            .cholesky()
+            .map_or(Root::Sketches(&self.sketches), |root| Root::Correlations(root.unpack()))
     }
 }
 

@@ -181,10 +181,10 @@ pub fn evaluate(bench: &Bench<'_>, promises: &mut [Promise], proposals: &mut Vec
         .collect();
     proposals.extend(evaluated);
     proposals.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
-    // An instrument is late once: a second delay of what has one is no other effect, it refines the first.
-    let late = |term: &Term| term.delay_s.is_some();
+    // A sensor has an effect once: what a grid finds again with other parameters is no other effect, the first is refined.
+    let sought = |term: &Term| matches!(bench.case.candidates[term.candidate].search, Search::Grid { .. });
     let known = |term: &Term| bench.terms.iter().any(|other| other.candidate == term.candidate);
-    proposals.retain(|proposal| !(late(&proposal.term) && known(&proposal.term)));
+    proposals.retain(|proposal| !(sought(&proposal.term) && known(&proposal.term)));
     // A candidate with several promises stands by its best.
     let mut seen = std::collections::HashSet::new();
     proposals.retain(|proposal| seen.insert(proposal.term.candidate));

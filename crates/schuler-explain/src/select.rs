@@ -374,7 +374,12 @@ fn forward<'c>(
                 add_term(&mut next, &mut next_prices, *proposal);
             }
         }
-        let (next, _) = refitted(case, &next, None);
+        let (mut next, _) = refitted(case, &next, None);
+        let moved = changed_blocks(case.model, &state, &next);
+        let touched = |candidate: usize| touches(case, candidate, &moved);
+        if next.terms.len() > 1 && refine_terms(case, &mut next, &touched) {
+            next = refitted(case, &next, None).0;
+        }
         let (next, next_bench, next_prices) = pruned(case, next, next_prices, family, ln_level);
         // What was there before would come round again.
         if visited.iter().any(|(items, _)| *items == identity(&next)) {
@@ -491,6 +496,23 @@ fn unknown_structure(case: &Case<'_>, mut state: State) -> State {
         }
     }
     state
+}
+
+/// Refines the non-linear parameters of the terms of `wanted` candidates, each beside the others; whether there were any.
+pub fn refine_terms(case: &Case<'_>, state: &mut State, wanted: &dyn Fn(usize) -> bool) -> bool {
+    let mut refined = false;
+    for place in 0..state.terms.len() {
+        let term = &state.terms[place];
+        if term.nonlinear.is_empty() || !wanted(term.candidate) {
+            continue;
+        }
+        let mut others = state.terms.clone();
+        others.remove(place);
+        let bench = Bench::new(case, &others, &state.noises);
+        state.terms[place] = bench.refined(&state.terms[place]).0;
+        refined = true;
+    }
+    refined
 }
 
 /// Whether a candidate reaches one of `blocks`.
