@@ -16,8 +16,9 @@ use crate::explanation::Rival;
 use crate::jump::RATES;
 use crate::noise_change::ChangeFit;
 use crate::nominal::Model;
-use crate::search::{Family, deterministic, evidence, library};
-use crate::select::{Item, Price, add_change, touches, without};
+use crate::price::Price;
+use crate::search::{Family, deterministic, library};
+use crate::select::{Item, add_change, touches, without};
 use crate::state::{Bench, Case, State, refitted};
 
 /// Nats behind the best within which an identifier belongs to the class.
@@ -119,11 +120,11 @@ pub fn alternatives(
             with.terms.push(proposal.term.clone());
             let (with, _) = refitted(case, &with, Some(&blocks));
             gain = with.log_likelihood - less.log_likelihood;
-            evidence_here = evidence(gain, proposal.freedom, proposal.ln_places);
+            evidence_here = proposal.price.evidence(gain);
         }
         found.push(Alternative {
             candidate: proposal.term.candidate,
-            price: Price { freedom: proposal.freedom, ln_places: proposal.ln_places },
+            price: proposal.price,
             term: Some(proposal.term),
             fit: None,
             evidence: evidence_here,
@@ -133,7 +134,7 @@ pub fn alternatives(
     }
     for (candidate, fit) in bench.noise_changes(&less, &blocks, &|_| affordable) {
         if blocks.iter().any(|&block| model.blocks[block].sources.contains(&fit.source)) {
-            let price = Price { freedom: fit.freedom, ln_places: fit.ln_places };
+            let price = fit.price();
             let (mut gain, mut evidence_here) = (fit.gain, -fit.ln_p);
             // Other free parameters of the noise were fitted without it.
             if free && evidence_here > WORTH_REFITTING {
@@ -141,7 +142,7 @@ pub fn alternatives(
                 add_change(&mut with, candidate, fit.clone());
                 let (with, _) = refitted(case, &with, Some(&blocks));
                 gain = with.log_likelihood - less.log_likelihood;
-                evidence_here = evidence(gain, price.freedom, price.ln_places);
+                evidence_here = price.evidence(gain);
             }
             let evidence = evidence_here;
             found.push(Alternative {
@@ -221,7 +222,7 @@ fn prefer_part(case: &Case<'_>, family: &Family, ln_level: f64, found: &mut [Alt
     let adds = best.gain - others[place].gain;
     let freedom = best.price.freedom.saturating_sub(others[place].price.freedom).max(1);
     let candidate = &case.candidates[best.candidate];
-    if family.ln_p(candidate, evidence(adds, freedom, best.price.ln_places)) > ln_level {
+    if family.ln_p(candidate, Price { freedom, ..best.price }.evidence(adds)) > ln_level {
         found[place + 1].simpler = true;
         found[..=place + 1].rotate_right(1);
     }

@@ -20,7 +20,7 @@ use crate::noise_fit::{SourceKnob, exact};
 use crate::nominal::{FEWEST_ROWS, Model};
 use crate::readings::{Fault, OFF_LATTICE, faults, lattice};
 use crate::refit::parameters;
-use crate::search::{Family, evidence};
+use crate::search::Family;
 use crate::select::{Item, MOST_FINDINGS, Selection, Shown, add_change, refine_terms, select, without};
 use crate::sentence::sentence;
 use crate::state::{Bench, Case, State, refitted};
@@ -585,7 +585,7 @@ fn shown_now(
     let less = if alone { less.clone() } else { without(case, state, *item).0 };
     let gain = state.log_likelihood - less.log_likelihood;
     let evidence = match ways.iter().find(|way| way.candidate == own) {
-        Some(way) => evidence(gain, way.price.freedom, way.price.ln_places),
+        Some(way) => way.price.evidence(gain),
         None => (shown.evidence - (shown.gain - gain).max(0.0)).max(0.0),
     };
     let ln_p = selection.family.ln_p(&case.candidates[own], evidence);

@@ -14,7 +14,8 @@ use schuler_recording::case::Markov;
 
 use crate::catalogue::{Candidate, Column, Port, ReadingFault, Search, Target};
 use crate::description::Term;
-use crate::search::{Proposal, evidence};
+use crate::price::Price;
+use crate::search::Proposal;
 use crate::state::Bench;
 use crate::statistics::ln_chi_squared_tail;
 use crate::whiten::Filter;
@@ -123,7 +124,8 @@ impl Place {
         // A history that is given gains more than the marginal likelihood; its price is the difference.
         let marginal = (-ln_chi_squared_tail(2.0 * best.gain.max(0.0), FREEDOM) - LN_PLACES).max(0.0);
         let ln_places = (-ln_chi_squared_tail(2.0 * gain, freedom) - marginal).max(0.0);
-        Some(Proposal { term, gain, freedom, ln_places, evidence: evidence(gain, freedom, ln_places) })
+        let price = Price { freedom, ln_places, continuous: 0 };
+        Some(Proposal { term, gain, price, evidence: price.evidence(gain) })
     }
 
     /// The likeliest history, unless it is none of jumps.

@@ -65,6 +65,7 @@ pub mod noise;
 pub mod noise_change;
 pub mod noise_fit;
 pub mod nominal;
+pub mod price;
 pub mod radio_identification;
 pub mod readings;
 pub mod refit;

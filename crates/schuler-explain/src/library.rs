@@ -23,6 +23,7 @@ use crate::catalogue::{Candidate, Search, Signature};
 use crate::description::{Delays, Term, sensors_of};
 use crate::least_squares::{dot, solve, solve_seen};
 use crate::nominal::{Block, Model};
+use crate::price::{ln_number_of_mean, ln_places_at};
 use crate::state::{Bench, Described, Whitened};
 use crate::statistics::ln_chi_squared_tail;
 
@@ -50,7 +51,6 @@ const DRAWN_TOGETHER: usize = 25;
 const TAIL_DRAWS: usize = 20;
 /// Seed of the draws.
 const SEED: u64 = 0x5c1d;
-const EULER_GAMMA: f64 = 0.577_215_664_901_532_9;
 
 /// A candidate at a point of its grid.
 #[derive(Clone, Debug)]
@@ -345,9 +345,15 @@ impl Library {
             .collect();
         let has_entries: Vec<bool> =
             (0..candidates).map(|candidate| self.entries.iter().any(|e| e.candidate == candidate)).collect();
+        let mut continuous = vec![0; candidates];
+        for entry in &self.entries {
+            continuous[entry.candidate] = entry.point.len();
+        }
         let mut best: Vec<f64> = (drawn.iter())
             .map(|least| {
-                let each = least.iter().zip(&ln_places).map(|(evidence, places)| evidence - places);
+                let each = least.iter().enumerate().map(|(candidate, &alone)| {
+                    alone - ln_places_at(alone, ln_places[candidate], continuous[candidate])
+                });
                 each.fold(0.0, f64::max)
             })
             .collect();
@@ -691,21 +697,6 @@ impl BlockSums {
             .cholesky()
             .map_or(Root::Sketches(&self.sketches), |root| Root::Correlations(root.unpack()))
     }
-}
-
-/// ln K for which ψ(K + 1) + γ = `mean`.
-fn ln_number_of_mean(mean: f64) -> f64 {
-    let target = mean - EULER_GAMMA;
-    let (mut low, mut high) = (0.0_f64, 20.0_f64);
-    for _ in 0..40 {
-        let middle = 0.5 * (low + high);
-        if statrs::function::gamma::digamma(middle.exp() + 1.0) < target {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
-    low
 }
 
 /// Sums of products of columns in single precision over tiles that fit into the cache.

@@ -11,6 +11,7 @@ use crate::description::Projected;
 use crate::noise::{Flicker, Knob, Noise, VarianceStep};
 use crate::noise_fit::{SourceKnob, exact, logs_of, polish, whittle};
 use crate::nominal::{Block, Source};
+use crate::price::Price;
 use crate::spectrum::Spectrum;
 use crate::statistics::{ln_chi_squared_tail, ln_rough_scan_tail};
 use crate::whiten::Filter;
@@ -65,6 +66,13 @@ pub struct ChangeFit {
     pub ln_places: f64,
     /// ln of the probability of such a gain without a change, over all places where it was sought.
     pub ln_p: f64,
+}
+
+impl ChangeFit {
+    /// How it is judged.
+    pub fn price(&self) -> Price {
+        Price::of_change(self.freedom, self.ln_places)
+    }
 }
 
 /// A block seen under its present noises.

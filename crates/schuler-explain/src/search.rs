@@ -11,10 +11,10 @@ use crate::description::{Term, blocks_of};
 use crate::library::{Library, NullDistribution};
 use crate::minimise::{golden, simplex};
 use crate::noise_change::{ChangeFit, PromisedStart, View};
+use crate::price::Price;
 use crate::scan::{Scan, Scanner};
 use crate::select::touches;
 use crate::state::{Bench, Key, State};
-use crate::statistics::ln_chi_squared_tail;
 
 /// Shares of the level: linear and grid candidates, onsets, frequencies, noise, readings.
 const SHARE_LINEAR: f64 = 0.6;
@@ -47,10 +47,8 @@ pub struct Proposal {
     pub term: Term,
     /// Gain in log-likelihood.
     pub gain: f64,
-    /// Degrees of freedom.
-    pub freedom: usize,
-    /// ln of the number of places searched.
-    pub ln_places: f64,
+    /// How it is judged.
+    pub price: Price,
     /// −ln p.
     pub evidence: f64,
 }
@@ -95,11 +93,6 @@ pub struct Refined {
     gain: f64,
     /// Degrees of freedom.
     freedom: usize,
-}
-
-/// −ln p of a gain.
-pub fn evidence(gain: f64, freedom: usize, ln_places: f64) -> f64 {
-    (-ln_chi_squared_tail(2.0 * gain, freedom) - ln_places).max(0.0)
 }
 
 impl Family {
@@ -160,7 +153,7 @@ pub fn promises(
     family: &Family,
     wanted: &(dyn Fn(usize) -> bool + Sync),
 ) -> Vec<Promise> {
-    let mut promises = promises_of_library(library, family);
+    let mut promises = promises_of_library(bench.case.candidates, library, family);
     promises.extend(promises_of_scans(bench, wanted));
     promises.retain(|promise| promise.evidence > LEAST_EVIDENCE);
     promises
@@ -190,7 +183,7 @@ pub fn evaluate(bench: &Bench<'_>, promises: &mut [Promise], proposals: &mut Vec
     proposals.retain(|proposal| seen.insert(proposal.term.candidate));
 }
 
-fn promises_of_library(library: &Library, family: &Family) -> Vec<Promise> {
+fn promises_of_library(candidates: &[Candidate], library: &Library, family: &Family) -> Vec<Promise> {
     let gains = library.gains();
     let mut promises: Vec<Promise> = Vec::new();
     for (entry, gain) in library.entries.iter().zip(&gains) {
@@ -198,7 +191,7 @@ fn promises_of_library(library: &Library, family: &Family) -> Vec<Promise> {
         let found = Promise {
             candidate: entry.candidate,
             starts: vec![entry.point.clone()],
-            evidence: evidence(gain.gain, gain.freedom, ln_places),
+            evidence: Price::of(&candidates[entry.candidate], gain.freedom, ln_places).evidence(gain.gain),
             ln_places,
             evaluated: false,
         };
@@ -250,7 +243,7 @@ fn promises_of_scans(bench: &Bench<'_>, wanted: &(dyn Fn(usize) -> bool + Sync))
                     promises.push(Promise {
                         candidate: place,
                         starts: vec![vec![0.0]],
-                        evidence: evidence(gain, freedom, std::f64::consts::LN_2),
+                        evidence: Price::of(candidate, freedom, std::f64::consts::LN_2).evidence(gain),
                         ln_places: std::f64::consts::LN_2,
                         evaluated: false,
                     });
@@ -259,7 +252,7 @@ fn promises_of_scans(bench: &Bench<'_>, wanted: &(dyn Fn(usize) -> bool + Sync))
                 promises.push(Promise {
                     candidate: place,
                     starts: peaks.iter().map(|peak| vec![peak.at]).collect(),
-                    evidence: evidence(gain, freedom, ln_places),
+                    evidence: Price::of(candidate, freedom, ln_places).evidence(gain),
                     ln_places,
                     evaluated: false,
                 });
@@ -290,8 +283,8 @@ impl Bench<'_> {
         let found = self.case.refined.get_or(key, || self.refine_from(promise, refined));
         let Refined { point, gain, freedom } = found?;
         let term = Term::new(promise.candidate, candidate, &point, self.case.time_s);
-        let evidence = evidence(gain, freedom, promise.ln_places);
-        Some(Proposal { term, gain, freedom, ln_places: promise.ln_places, evidence })
+        let price = Price::of(candidate, freedom, promise.ln_places);
+        Some(Proposal { term, gain, price, evidence: price.evidence(gain) })
     }
 
     /// What the gain of a candidate depends on: the blocks that it reaches, or all where terms tie the amplitudes of

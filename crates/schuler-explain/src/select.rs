@@ -25,9 +25,9 @@ use crate::noise::Knob;
 use crate::noise_change::ChangeFit;
 use crate::noise_fit::whittle_jointly;
 use crate::nominal::Model;
-use crate::search::{Family, Promise, Proposal, deterministic, evaluate, evidence, library, promises};
+use crate::price::Price;
+use crate::search::{Family, Promise, Proposal, deterministic, evaluate, library, promises};
 use crate::state::{Accepted, Bench, Case, State, refitted, refitted_above};
-use crate::statistics::ln_chi_squared_tail;
 use crate::watch::Phase;
 
 /// Findings at which the search ends, whatever there is left: what is significant decides, and not a number.
@@ -87,15 +87,6 @@ pub struct Selection<'c> {
     pub null: State,
     /// Whether the search ended at its budget of work.
     pub exceeded: bool,
-}
-
-/// ln of the places searched and degrees of freedom by which an accepted term is judged.
-#[derive(Clone, Copy, Debug)]
-pub struct Price {
-    /// Degrees of freedom.
-    pub freedom: usize,
-    /// ln of the number of places.
-    pub ln_places: f64,
 }
 
 /// Way on.
@@ -413,7 +404,7 @@ fn judge_beside_free_noise(case: &Case<'_>, state: &State, bench: &Bench<'_>, pr
     for (proposal, gain) in proposals.iter_mut().zip(judged) {
         if let Some(gain) = gain {
             proposal.gain = gain;
-            proposal.evidence = evidence(gain, proposal.freedom, proposal.ln_places);
+            proposal.evidence = proposal.price.evidence(gain);
         }
     }
 }
@@ -453,7 +444,7 @@ fn swallowed(case: &Case<'_>, state: &State, bench: &Bench<'_>, family: &Family)
         with.terms.push(proposal.term.clone());
         let (with, _) = refitted(case, &with, Some(&own));
         proposal.gain = with.log_likelihood - bench.log_likelihood;
-        proposal.evidence = evidence(proposal.gain, proposal.freedom, proposal.ln_places);
+        proposal.evidence = proposal.price.evidence(proposal.gain);
         proposal
     });
     judged.collect()
@@ -525,7 +516,7 @@ pub fn touches(case: &Case<'_>, candidate: usize, blocks: &[usize]) -> bool {
 }
 
 fn add_term(state: &mut State, prices: &mut Vec<Price>, proposal: Proposal) {
-    prices.push(Price { freedom: proposal.freedom, ln_places: proposal.ln_places });
+    prices.push(proposal.price);
     state.terms.push(proposal.term);
 }
 
@@ -635,8 +626,8 @@ fn choose(
             let joint = both.log_likelihood - bench.log_likelihood;
             let of_term = both.log_likelihood - noisy.log_likelihood;
             let of_noise = joint - alone;
-            let term_evidence = evidence(of_term, proposal.freedom, proposal.ln_places);
-            let noise_evidence = (-ln_chi_squared_tail(2.0 * of_noise, fit.freedom) - fit.ln_places).max(0.0);
+            let term_evidence = proposal.price.evidence(of_term);
+            let noise_evidence = fit.price().evidence(of_noise);
             let significant = ln_p_of(&proposal, term_evidence) <= ln_level
                 && family.ln_p(&case.candidates[candidate], noise_evidence) <= ln_level;
             significant.then(|| {
@@ -740,7 +731,7 @@ fn merged<'c>(
         if !budget.affords(of_round(case, &state, &blocks)) {
             continue;
         }
-        let penalty = |gain: f64, price: &Price| gain - evidence(gain, price.freedom, price.ln_places);
+        let penalty = |gain: f64, price: &Price| gain - price.evidence(gain);
         let own: f64 = shown(case, &state, &prices, family)
             .iter()
             .filter(|(item, _)| match item {
@@ -759,20 +750,16 @@ fn merged<'c>(
         let (less, less_bench) = refitted(case, &less, None);
         let fits = less_bench.noise_changes(&less, &blocks, &|_| true);
         let best = fits.into_iter().filter(|(_, fit)| fit.source == source).max_by(|a, b| {
-            let score = |fit: &ChangeFit| {
-                fit.gain - penalty(fit.gain, &Price { freedom: fit.freedom, ln_places: fit.ln_places })
-            };
+            let score = |fit: &ChangeFit| fit.gain - penalty(fit.gain, &fit.price());
             score(&a.1).total_cmp(&score(&b.1))
         });
         let Some((candidate, fit)) = best else { continue };
-        let price = Price { freedom: fit.freedom, ln_places: fit.ln_places };
+        let price = fit.price();
         let mut one = less.clone();
         add_change(&mut one, candidate, fit);
         let (one, one_bench) = refitted(case, &one, None);
         let gain = one.log_likelihood - less.log_likelihood;
-        let significant = family
-            .ln_p(&case.candidates[candidate], evidence(gain, price.freedom, price.ln_places))
-            <= ln_level;
+        let significant = family.ln_p(&case.candidates[candidate], price.evidence(gain)) <= ln_level;
         if significant && one.log_likelihood - penalty(gain, &price) > state.log_likelihood - own {
             (state, bench, prices) = (one, one_bench, less_prices);
         }
@@ -801,13 +788,13 @@ fn shown_up_to(
                 Item::Term(place) => (state.terms[place].candidate, prices[place]),
                 Item::Change(place) => {
                     let change = &state.changes[place];
-                    (change.candidate, Price { freedom: change.freedom, ln_places: change.ln_places })
+                    (change.candidate, Price::of_change(change.freedom, change.ln_places))
                 }
             };
             let least = state.log_likelihood - price.ln_places - doubtful;
             let (less, _) = refitted_above(case, &taken_out(case, state, item), None, least);
             let gain = state.log_likelihood - less.log_likelihood;
-            let evidence = evidence(gain, price.freedom, price.ln_places);
+            let evidence = price.evidence(gain);
             (item, Shown { gain, evidence, ln_p: family.ln_p(&case.candidates[candidate], evidence) })
         })
         .collect()
