@@ -7,7 +7,7 @@
 use rayon::prelude::*;
 
 use crate::catalogue::{Candidate, NoiseChange, OnsetShape, Search, Target};
-use crate::description::{Term, blocks_of};
+use crate::description::{Term, blocks_of, remainder};
 use crate::library::{Library, NullDistribution};
 use crate::minimise::{golden, simplex};
 use crate::noise_change::{ChangeFit, PromisedStart, View};
@@ -39,6 +39,9 @@ const REFINED: f64 = 0.02;
 const FINELY_REFINED: f64 = 1e-3;
 /// Half width of the refinement of an onset of a ramp, as a part of the record.
 const ONSET_WIDTH: f64 = 0.05;
+
+/// The effect whose threshold is sought among the readings.
+const DEAD_ZONE: &str = "dead_zone";
 
 /// A deterministic candidate evaluated exactly.
 #[derive(Clone, Debug)]
@@ -155,6 +158,7 @@ pub fn promises(
 ) -> Vec<Promise> {
     let mut promises = promises_of_library(bench.case.candidates, library, family);
     promises.extend(promises_of_scans(bench, wanted));
+    promises.extend(promises_of_thresholds(bench, wanted));
     promises.retain(|promise| promise.evidence > LEAST_EVIDENCE);
     promises
 }
@@ -260,6 +264,57 @@ fn promises_of_scans(bench: &Bench<'_>, wanted: &(dyn Fn(usize) -> bool + Sync))
             promises
         })
         .collect()
+}
+
+/// Thresholds of dead zones from the readings themselves.
+///
+/// Readings on the wrong side of a threshold miss the input whole, so that the likelihood is a ridge of a few readings' width between
+/// the points of any grid. Of readings in the order of their inputs those below the threshold are better described as silent, those
+/// above it as answering: it is where the sum of the differences of their squares is largest.
+fn promises_of_thresholds(bench: &Bench<'_>, wanted: &(dyn Fn(usize) -> bool + Sync)) -> Vec<Promise> {
+    let case = bench.case;
+    let promise = |(place, candidate): (usize, &Candidate)| {
+        let (Search::Grid { signature, .. }, Target::Sensor(sensor)) = (&candidate.search, &candidate.target)
+        else {
+            return None;
+        };
+        if candidate.effect.id != DEAD_ZONE || !wanted(place) {
+            return None;
+        }
+        let index = case.model.block_of(*sensor)?;
+        bench.blocks[index].as_ref()?;
+        let block = &case.model.blocks[index];
+        let silent = signature(&[f64::INFINITY]);
+        let (_, values) = silent.columns.first()?.parts.first()?;
+        let missed = block.project(silent.columns.first()?, candidate.port)?;
+        let left = remainder(case.model, index, &bench.terms, &bench.solution.amplitudes);
+        let rows = block.rows();
+        let better = |row: usize| -> f64 {
+            let of_channel = |channel: usize| {
+                let (left, missed) = (left[channel * rows + row], missed[channel * rows + row]);
+                (2.0 * left - missed) * missed
+            };
+            (0..block.channels).map(of_channel).sum()
+        };
+        let mut inputs: Vec<(f64, f64)> = (values.iter().enumerate())
+            .map(|(row, value)| (value.abs(), better(row)))
+            .filter(|(input, better)| input.is_finite() && better.is_finite())
+            .collect();
+        inputs.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (mut sum, mut best) = (0.0, (0.0, None));
+        for pair in inputs.windows(2) {
+            sum += pair[0].1;
+            if sum > best.0 && pair[1].0 > pair[0].0 {
+                best = (sum, Some(0.5 * (pair[0].0 + pair[1].0)));
+            }
+        }
+        let start = vec![best.1?];
+        let (gain, freedom) = bench.gain_of(&Term::new(place, candidate, &start, case.time_s));
+        let ln_places = (inputs.len() as f64).ln();
+        let evidence = Price { freedom, ln_places, continuous: 0 }.evidence(gain);
+        Some(Promise { candidate: place, starts: vec![start], evidence, ln_places, evaluated: false })
+    };
+    case.candidates.par_iter().enumerate().filter_map(promise).collect()
 }
 
 impl Bench<'_> {

@@ -7,7 +7,7 @@
 //! angles are coarse. At the ends and beside missing values there is none: a one-sided difference is that of half a step earlier
 //! or later, and a body that turns with 1 rad/s² at steps of 0.1 s would be wrong by 50 mrad/s there. Angles are never
 //! differenced (they wrap, and are singular at a pitch of 90°): rotations are, by the logarithm of their quotient.
-use nalgebra::{Rotation3, Vector3};
+use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 
 use super::stamps::sampling_times;
 use super::{body_to_ned, earth};
@@ -46,7 +46,7 @@ pub fn inertial_rate(
     let attitudes: Vec<Option<Rotation3<f64>>> = rows(attitude_rad).map(|row| row.map(rotation)).collect();
     // No further than the logarithm is nearly the angle.
     let turned = |row: usize, other: usize| {
-        let turn = (get(&attitudes, row)?.inverse() * get(&attitudes, other)?).scaled_axis();
+        let turn = turned_by(&(get(&attitudes, row)?.inverse() * get(&attitudes, other)?));
         (row.abs_diff(other) == 1 || turn.norm() < FARTHEST_TURN).then_some(turn)
     };
     let turn_rates = derivatives(time_s, turned, purpose);
@@ -107,6 +107,12 @@ pub(super) fn columns(rows: usize, value: impl Fn(usize) -> Option<Vector3<f64>>
 
 fn rows(columns: &Columns) -> impl Iterator<Item = Option<Vector3<f64>>> {
     (0..columns[0].len()).map(|row| vector(columns, row))
+}
+
+/// The logarithm of a rotation, rad. That of a matrix takes the angle by its cosine: it loses half of the digits of a small one, and of
+/// one that is 0 but for rounding it may be no number.
+fn turned_by(rotation: &Rotation3<f64>) -> Vector3<f64> {
+    UnitQuaternion::from_rotation_matrix(rotation).scaled_axis()
 }
 
 fn get<T: Copy>(values: &[Option<T>], row: usize) -> Option<T> {
@@ -299,6 +305,32 @@ mod tests {
             assert!(
                 (vector(&force, row).unwrap() - specific_force_at_rest(&ned, LATITUDE, 100.0)).norm() < 1e-12
             );
+        }
+    }
+
+    /// Bodies at rest in oblique poses, turned over and turned by less than their angles have digits: quotients of their attitudes
+    /// have traces above 3.
+    #[test]
+    fn a_pose_that_hardly_turns_has_a_rate() {
+        let time_s = times(40);
+        for (pose, turn) in (0..400).flat_map(|pose| [(pose, 0.0), (pose, 1e-9), (pose, 3e-7)]) {
+            let angle = |k: usize| f64::from(pose) * [0.7, 1.3, 2.1][k] % 3.0 - 1.5;
+            let start = body_to_ned(2.0 * angle(0), angle(1), 2.0 * angle(2));
+            let rate = Vector3::new(turn, -turn, 0.5 * turn);
+            let mut attitude = [(); 3].map(|()| Vec::new());
+            for time in &time_s {
+                let (roll, pitch, yaw) = (start * Rotation3::new(rate * *time)).euler_angles();
+                for (column, angle) in attitude.iter_mut().zip([roll, pitch, yaw]) {
+                    column.push(angle);
+                }
+            }
+            let found = inertial_rate(&time_s, &attitude, None, LATITUDE, 0.0, Use::Input);
+            for (row, time) in time_s.iter().enumerate().take(39).skip(1) {
+                let here = start * Rotation3::new(rate * *time);
+                let expected = rate + here.inverse() * earth::rotation_ned(LATITUDE);
+                let off = (vector(&found, row).unwrap() - expected).norm();
+                assert!(off < 1e-12, "pose {pose}, row {row}: {off}");
+            }
         }
     }
 
