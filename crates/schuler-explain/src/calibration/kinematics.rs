@@ -22,6 +22,8 @@ pub(super) type GyroSensitivity = SMatrix<f64, 3, 12>;
 pub(super) struct EarthStep {
     sample_s: f64,
     gravity: f64,
+    /// Rotation of the local frame over one sample, as a vector, rad, and as a matrix.
+    turn: Vector3<f64>,
     rotation: Matrix3<f64>,
     /// Up at the start, in the middle and at the end of a sample, seen from the local frame of its start.
     up: [Vector3<f64>; 3],
@@ -75,14 +77,13 @@ impl EarthStep {
         let earth = Vector3::new(0.0, latitude.cos(), latitude.sin()) * EARTH_RATE;
         let turned = |s: f64| Rotation3::new(earth * s).into_inner();
         let up = [0.0, 0.5, 1.0].map(|part| turned(part * sample_s) * Vector3::z());
-        Self { sample_s, gravity, rotation: turned(sample_s), up }
+        Self { sample_s, gravity, turn: earth * sample_s, rotation: turned(sample_s), up }
     }
 
     /// Rotation of the local frame over `samples`.
     pub(super) fn rotation_over(&self, samples: usize) -> Matrix3<f64> {
         // A rotation about a fixed axis: its powers are exponentials.
-        let axis = Rotation3::from_matrix_unchecked(self.rotation).scaled_axis();
-        Rotation3::new(axis * samples as f64).into_inner()
+        Rotation3::new(self.turn * samples as f64).into_inner()
     }
 }
 
