@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 
 use crate::catalogue::{Candidate, Column, OnsetShape, Port, Search};
-use crate::inputs::series::delayed_closely;
+use crate::inputs::series::{delayed_closely, waves};
 use crate::least_squares::{Solution, dot, solve};
 use crate::nominal::Model;
 use crate::whiten::Filter;
@@ -161,13 +161,7 @@ fn columns(candidate: &Candidate, nonlinear: &[f64], time_s: &[f64]) -> Vec<Colu
         Search::Onset(OnsetShape::Ramp) => {
             vec![shared(time_s.iter().map(|&time| (time - at).max(0.0)).collect())]
         }
-        Search::Frequency => {
-            let turn = |time: f64| std::f64::consts::TAU * at * time;
-            vec![
-                shared(time_s.iter().map(|&time| turn(time).cos()).collect()),
-                shared(time_s.iter().map(|&time| turn(time).sin()).collect()),
-            ]
-        }
+        Search::Frequency => waves(time_s, std::f64::consts::TAU * at).map(shared).into(),
         Search::Noise(_) | Search::Readings(_) => Vec::new(),
     }
 }

@@ -141,7 +141,7 @@ impl Place {
             weights: whitened.filter.weight_of_states(),
             channels: block.channels,
         };
-        let starts = starts(self.part, block.step_s()).into_iter();
+        let starts = starts(self.part, block.step_s()).into_par_iter();
         let mut found: Vec<Decoded> = starts.filter_map(|start| decoder.decode(start)).collect();
         found.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         found.truncate(FOLLOWED);

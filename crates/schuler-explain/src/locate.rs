@@ -5,12 +5,13 @@
 //! under each recorded condition in ten bins. All p-values are multiplied by the number of tests.
 use std::sync::Arc;
 
+use rayon::prelude::*;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::catalogue::{Column, Port};
 use crate::description::Term;
 use crate::explanation::{Located, Remainder};
-use crate::inputs::Inputs;
+use crate::inputs::{Condition, Inputs};
 use crate::state::{Bench, Case, State};
 use crate::statistics::{chi_squared_tail, ljung_box};
 
@@ -110,90 +111,102 @@ fn block_name(case: &Case<'_>, block: usize) -> String {
 
 /// Results of all tests, and their number.
 fn results(bench: &Bench<'_>, inputs: &Inputs<'_>) -> (Vec<Result>, f64) {
-    let case = bench.case;
     let conditions = inputs.conditions();
+    let of_blocks: Vec<(Vec<Result>, f64)> = (0..bench.blocks.len())
+        .into_par_iter()
+        .filter_map(|index| results_of_block(bench, index, &conditions))
+        .collect();
+    let tests: f64 = of_blocks.iter().map(|(_, tests)| tests).sum();
+    (of_blocks.into_iter().flat_map(|(results, _)| results).collect(), tests.max(1.0))
+}
+
+/// The same of a block, if it has a filter.
+fn results_of_block(
+    bench: &Bench<'_>,
+    index: usize,
+    conditions: &[Condition<'_>],
+) -> Option<(Vec<Result>, f64)> {
+    let case = bench.case;
+    let whitened = bench.blocks[index].as_ref()?;
     let mut results = Vec::new();
     let mut tests = 0.0_f64;
     let at = |row: usize| case.time_s.get(row).copied().unwrap_or_default();
-    for (index, whitened) in bench.blocks.iter().enumerate() {
-        let Some(whitened) = whitened else { continue };
-        let block = &case.model.blocks[index];
-        let (rows, channels) = (block.rows(), block.channels);
-        let e = &whitened.remainder;
-        let mut push = |test, what, p: f64, number: f64, interval_s, band_hz, condition| {
-            results.push(Result { block: index, test, what, p: p * number, interval_s, band_hz, condition });
-        };
-        // NIS in windows.
-        let length = (rows / WINDOWS).max(FEWEST_ROWS);
-        let mut worst: Option<(f64, usize, f64)> = None;
-        let mut windows = 0.0;
-        for first in (0..rows).step_by(length) {
-            let window = first..(first + length).min(rows);
-            let (mut sum, mut count) = (0.0, 0);
-            for row in window.filter(|&row| block.present[row]) {
-                sum += (0..channels).map(|c| e[c * rows + row].powi(2)).sum::<f64>();
-                count += channels;
-            }
-            if count < FEWEST_ROWS {
-                continue;
-            }
-            windows += 1.0;
-            let p = two_tailed(sum, count as f64);
-            if worst.is_none_or(|worst| p < worst.0) {
-                worst = Some((p, first, sum / count as f64));
-            }
+    let block = &case.model.blocks[index];
+    let (rows, channels) = (block.rows(), block.channels);
+    let e = &whitened.remainder;
+    let mut push = |test, what, p: f64, number: f64, interval_s, band_hz, condition| {
+        results.push(Result { block: index, test, what, p: p * number, interval_s, band_hz, condition });
+    };
+    // NIS in windows.
+    let length = (rows / WINDOWS).max(FEWEST_ROWS);
+    let mut worst: Option<(f64, usize, f64)> = None;
+    let mut windows = 0.0;
+    for first in (0..rows).step_by(length) {
+        let window = first..(first + length).min(rows);
+        let (mut sum, mut count) = (0.0, 0);
+        for row in window.filter(|&row| block.present[row]) {
+            sum += (0..channels).map(|c| e[c * rows + row].powi(2)).sum::<f64>();
+            count += channels;
         }
-        if let Some((p, first, mean)) = worst {
-            let what = format!("the mean of the normalised innovation squared is {mean:.2} instead of 1");
-            let interval = [at(first), at((first + length).min(rows) - 1)];
-            push("nis_window", what, p, windows, Some(interval), None, None);
-            tests += 1.0;
+        if count < FEWEST_ROWS {
+            continue;
         }
-        for channel in 0..channels {
-            let series: Vec<f64> = (0..rows)
-                .map(|row| if block.present[row] { e[channel * rows + row] } else { f64::NAN })
-                .collect();
-            let p = ljung_box(&series, LAGS);
-            push("ljung_box", "innovations are correlated in time".to_owned(), p, 1.0, None, None, None);
-            let (p, row) = largest_sum(&series);
-            let what = format!("the mean changes near {:.0} s", at(row));
-            push("cumulative_sum", what, p, 1.0, Some([at(row), at(rows - 1)]), None, None);
-            tests += 2.0;
-        }
-        if let Some(spectrum) = bench.spectrum(index) {
-            let mut bands = 0.0;
-            let mut worst: Option<(f64, f64, f64)> = None;
-            for (omega, weight, excess) in spectrum.excess() {
-                bands += 1.0;
-                let freedom = 2.0 * weight * channels as f64;
-                let p = two_tailed(freedom * excess, freedom);
-                if worst.is_none_or(|worst| p < worst.0) {
-                    worst = Some((p, omega, excess));
-                }
-            }
-            if let Some((p, omega, excess)) = worst {
-                let hertz = omega / (std::f64::consts::TAU * block.step_s());
-                let near = frequency_text(hertz);
-                let what = format!("the spectrum near {near} is {excess:.2} times what it should be");
-                push("spectrum", what, p, bands, None, Some([0.98 * hertz, 1.02 * hertz]), None);
-                tests += 1.0;
-            }
-        }
-        for (place, condition) in conditions.iter().enumerate() {
-            for channel in 0..channels {
-                let Some((p, low, high)) = conditional(block, &e[channel * rows..], condition.values) else {
-                    continue;
-                };
-                let what = format!(
-                    "the mean depends on {} (from {low:.2} σ to {high:.2} σ of its error)",
-                    condition.name
-                );
-                push("conditional_mean", what, p, 1.0, None, None, Some(place));
-                tests += 1.0;
-            }
+        windows += 1.0;
+        let p = two_tailed(sum, count as f64);
+        if worst.is_none_or(|worst| p < worst.0) {
+            worst = Some((p, first, sum / count as f64));
         }
     }
-    (results, tests.max(1.0))
+    if let Some((p, first, mean)) = worst {
+        let what = format!("the mean of the normalised innovation squared is {mean:.2} instead of 1");
+        let interval = [at(first), at((first + length).min(rows) - 1)];
+        push("nis_window", what, p, windows, Some(interval), None, None);
+        tests += 1.0;
+    }
+    for channel in 0..channels {
+        let series: Vec<f64> = (0..rows)
+            .map(|row| if block.present[row] { e[channel * rows + row] } else { f64::NAN })
+            .collect();
+        let p = ljung_box(&series, LAGS);
+        push("ljung_box", "innovations are correlated in time".to_owned(), p, 1.0, None, None, None);
+        let (p, row) = largest_sum(&series);
+        let what = format!("the mean changes near {:.0} s", at(row));
+        push("cumulative_sum", what, p, 1.0, Some([at(row), at(rows - 1)]), None, None);
+        tests += 2.0;
+    }
+    if let Some(spectrum) = bench.spectrum(index) {
+        let mut bands = 0.0;
+        let mut worst: Option<(f64, f64, f64)> = None;
+        for (omega, weight, excess) in spectrum.excess() {
+            bands += 1.0;
+            let freedom = 2.0 * weight * channels as f64;
+            let p = two_tailed(freedom * excess, freedom);
+            if worst.is_none_or(|worst| p < worst.0) {
+                worst = Some((p, omega, excess));
+            }
+        }
+        if let Some((p, omega, excess)) = worst {
+            let hertz = omega / (std::f64::consts::TAU * block.step_s());
+            let near = frequency_text(hertz);
+            let what = format!("the spectrum near {near} is {excess:.2} times what it should be");
+            push("spectrum", what, p, bands, None, Some([0.98 * hertz, 1.02 * hertz]), None);
+            tests += 1.0;
+        }
+    }
+    for (place, condition) in conditions.iter().enumerate() {
+        for channel in 0..channels {
+            let Some((p, low, high)) = conditional(block, &e[channel * rows..], condition.values) else {
+                continue;
+            };
+            let what = format!(
+                "the mean depends on {} (from {low:.2} σ to {high:.2} σ of its error)",
+                condition.name
+            );
+            push("conditional_mean", what, p, 1.0, None, None, Some(place));
+            tests += 1.0;
+        }
+    }
+    Some((results, tests))
 }
 
 /// A frequency as people say it: a slow one by its period.
@@ -244,9 +257,22 @@ fn conditional(block: &crate::nominal::Block, e: &[f64], values: &[f64]) -> Opti
         .filter_map(|row| values.get(row).copied())
         .collect();
     sorted.retain(|value| value.is_finite());
-    sorted.sort_by(f64::total_cmp);
-    let edges: Vec<f64> =
-        (1..BINS).filter_map(|bin| sorted.get(bin * sorted.len() / BINS).copied()).collect();
+    let number = sorted.len();
+    if number < BINS {
+        return None;
+    }
+    // The edges alone in their places, the last one first: the rest need no order.
+    let mut below = sorted.as_mut_slice();
+    let mut edges: Vec<f64> = (1..BINS)
+        .rev()
+        .map(|bin| {
+            let (lower, edge, _) =
+                std::mem::take(&mut below).select_nth_unstable_by(bin * number / BINS, f64::total_cmp);
+            below = lower;
+            *edge
+        })
+        .collect();
+    edges.reverse();
     if edges.first()? >= edges.last()? {
         return None;
     }

@@ -610,15 +610,7 @@ fn choose(
         add_change(&mut noisy, candidate, fit.clone());
         let (noisy, noisy_bench) = refitted(case, &noisy, Some(&[index]));
         let touched = |candidate: usize| touches(case, candidate, &[index]);
-        let beside = deterministic(&noisy_bench, &library(&noisy_bench, false, &touched), family, &touched);
-        let under_nominal = proposals.iter().filter(|proposal| touched(proposal.term.candidate)).cloned();
-        let mut tried: Vec<Proposal> = Vec::new();
-        for proposal in beside.into_iter().take(TRIED_TOGETHER).chain(under_nominal.take(TRIED_TOGETHER)) {
-            if tried.iter().all(|other| other.term.candidate != proposal.term.candidate) {
-                tried.push(proposal);
-            }
-        }
-        let judged = tried.into_par_iter().map(|proposal| {
+        let judge = |proposal: &Proposal| {
             let mut both = noisy.clone();
             both.terms.push(proposal.term.clone());
             let (both, _) = refitted(case, &both, Some(&[index]));
@@ -628,15 +620,33 @@ fn choose(
             let of_noise = joint - alone;
             let term_evidence = proposal.price.evidence(of_term);
             let noise_evidence = fit.price().evidence(of_noise);
-            let significant = ln_p_of(&proposal, term_evidence) <= ln_level
-                && family.ln_p(&case.candidates[candidate], noise_evidence) <= ln_level;
-            significant.then(|| {
+            let noise_remains = family.ln_p(&case.candidates[candidate], noise_evidence) <= ln_level;
+            let significant = noise_remains && ln_p_of(proposal, term_evidence) <= ln_level;
+            let found = significant.then(|| {
                 let score = joint - (of_term - term_evidence) - (of_noise - noise_evidence);
                 let fit = ChangeFit { noises: both.noises, ..fit.clone() };
-                (score, Move::Both(Box::new(proposal), candidate, Box::new(fit)))
-            })
-        });
-        judged.collect::<Vec<_>>()
+                (score, Move::Both(Box::new(proposal.clone()), candidate, Box::new(fit)))
+            });
+            (noise_remains, found)
+        };
+        // A change of noise that shows less than a term, and nothing beside it, was the term. If there is noise of another structure
+        // as well, it shows once the term is described; to seek terms beside this one is most of a round's work.
+        let strongest = proposals.iter().find(|proposal| touched(proposal.term.candidate));
+        let is_the_term = |term: &Proposal| {
+            term.evidence > -fit.ln_p && ln_p_of(term, term.evidence) <= ln_level && !judge(term).0
+        };
+        if strongest.is_some_and(is_the_term) {
+            return Vec::new();
+        }
+        let beside = deterministic(&noisy_bench, &library(&noisy_bench, false, &touched), family, &touched);
+        let under_nominal = proposals.iter().filter(|proposal| touched(proposal.term.candidate)).cloned();
+        let mut tried: Vec<Proposal> = Vec::new();
+        for proposal in beside.into_iter().take(TRIED_TOGETHER).chain(under_nominal.take(TRIED_TOGETHER)) {
+            if tried.iter().all(|other| other.term.candidate != proposal.term.candidate) {
+                tried.push(proposal);
+            }
+        }
+        tried.par_iter().map(|proposal| judge(proposal).1).collect::<Vec<_>>()
     };
     let both: Vec<Vec<_>> = leading.into_par_iter().map(beside_noise).collect();
     for (score, way) in both.into_iter().flatten().flatten() {

@@ -91,6 +91,24 @@ pub fn product(left: &[f64], right: &[f64]) -> Vec<f64> {
     left.iter().zip(right).map(|(left, right)| left * right).collect()
 }
 
+/// Cosine and sine of `omega` t.
+pub fn waves(time_s: &[f64], omega: f64) -> [Vec<f64>; 2] {
+    let of_start = |time: f64| (omega * time).sin_cos();
+    let step_s = even_step(time_s);
+    let rows = if step_s.is_some() { TOGETHER } else { 1 };
+    // On an even grid a turn from some rows to the next ones, and the same turns within them.
+    let within: Vec<(f64, f64)> =
+        (0..rows).map(|row| (omega * step_s.unwrap_or_default() * row as f64).sin_cos()).collect();
+    let mut waves = [Vec::with_capacity(time_s.len()), Vec::with_capacity(time_s.len())];
+    for times in time_s.chunks(rows) {
+        let (sin, cos) = times.first().map_or((0.0, 1.0), |&start| of_start(start));
+        let within = || within.iter().take(times.len());
+        waves[0].extend(within().map(|(s, c)| cos * c - sin * s));
+        waves[1].extend(within().map(|(s, c)| sin * c + cos * s));
+    }
+    waves
+}
+
 /// Output of a first-order lag with time constant `tau_s`, which starts at rest on the first value:
 /// `τ dy/dt = u − y`, exact for an input that is a straight line from row to row.
 pub fn lagged(time_s: &[f64], values: &[f64], tau_s: f64) -> Vec<f64> {
@@ -135,6 +153,33 @@ impl Weights {
     }
 }
 
+/// The same of an input that is Hermite's cubic over a step: the lag's state is the particular solution
+/// u − τ u' + τ² u'' − τ³ u''' at its end, and what decays of the difference at its beginning.
+struct SmoothWeights {
+    step_s: f64,
+    decay: f64,
+    /// Of the quotient of differences, and of the derivatives before and now.
+    rise: f64,
+    before: f64,
+    now: f64,
+}
+
+impl SmoothWeights {
+    fn new(step_s: f64, tau_s: f64) -> Self {
+        let decay = (-step_s / tau_s).exp();
+        let per_second = step_s.recip();
+        // Without the values themselves, whose weights are 1 and −decay.
+        let driven = |rise: f64, before: f64, now: f64| {
+            let third = 6.0 * (before + now - 2.0 * rise) * (per_second * per_second);
+            let second = 2.0 * (3.0 * rise - 2.0 * before - now) * per_second;
+            let particular = |first: f64, second: f64| -tau_s * (first - tau_s * (second - tau_s * third));
+            particular(now, second + third * step_s) - decay * particular(before, second)
+        };
+        let (rise, before, now) = (driven(1.0, 0.0, 0.0), driven(0.0, 1.0, 0.0), driven(0.0, 0.0, 1.0));
+        Self { step_s, decay, rise, before, now }
+    }
+}
+
 /// The same for a smooth input and a lag that may be shorter than a step: between rows the input is the cubic with the
 /// values and the [derivatives](derivative) of both, of which a straight line would know only the slope half a step ago.
 pub fn lagged_smooth(time_s: &[f64], values: &[f64], tau_s: f64) -> Vec<f64> {
@@ -146,29 +191,22 @@ pub fn lagged_smooth(time_s: &[f64], values: &[f64], tau_s: f64) -> Vec<f64> {
     }
     let Some(&first) = values.first() else { return Vec::new() };
     let slopes = derivative(time_s, values);
+    let mut weights = SmoothWeights::new(step_s, tau_s);
+    let mut per_second = step_s.recip();
     let mut state = first;
-    let mut output = Vec::with_capacity(values.len());
-    output.push(first);
-    let mut weights = Weights::new(0.0, tau_s);
-    let even = even_step(time_s);
-    let mut per_second = even.map_or(0.0, f64::recip);
-    for row in 1..values.len().min(time_s.len()) {
-        let h = even.unwrap_or_else(|| time_s[row] - time_s[row - 1]);
-        if even.is_none() {
+    let mut output = vec![first; values.len().min(time_s.len())];
+    let rows = output.iter_mut().skip(1).zip(time_s.windows(2)).zip(values.windows(2)).zip(slopes.windows(2));
+    for (((output, time_s), values), slopes) in rows {
+        let h = time_s[1] - time_s[0];
+        if (h - weights.step_s).abs() > EQUAL_STEPS * h {
+            weights = SmoothWeights::new(h, tau_s);
             per_second = h.recip();
         }
-        let (u0, u1, d0, d1) = (values[row - 1], values[row], slopes[row - 1], slopes[row]);
-        // Second and third derivative of Hermite's cubic.
-        let rise = (u1 - u0) * per_second;
-        let third = 6.0 * (d0 + d1 - 2.0 * rise) * (per_second * per_second);
-        let second0 = 2.0 * (3.0 * rise - 2.0 * d0 - d1) * per_second;
-        let second1 = second0 + third * h;
-        // Particular solution u − τ u' + τ² u'' − τ³ u''' at either end; the rest decays.
-        let particular = |u: f64, d: f64, second: f64| u - tau_s * (d - tau_s * (second - tau_s * third));
-        weights.renew(h, tau_s);
-        let driven = particular(u1, d1, second1) - weights.decay * particular(u0, d0, second0);
+        let rise = (values[1] - values[0]) * per_second;
+        let driven = values[1] - weights.decay * values[0]
+            + (weights.rise * rise + weights.before * slopes[0] + weights.now * slopes[1]);
         state = weights.decay * state + driven;
-        output.push(state);
+        *output = state;
     }
     output
 }
@@ -180,18 +218,18 @@ pub fn delayed<'s>(
     values: &'s [f64],
     delay_s: f64,
 ) -> impl Iterator<Item = Option<f64>> + 's {
+    let even = even_step(time_s).map(|step_s| EvenDelay::new(delay_s / step_s, NARROW_REACH).of(values));
     let mut place = 0;
-    let even = even_step(time_s).map(|step_s| EvenDelay::new(delay_s / step_s, NARROW_REACH));
-    time_s.iter().enumerate().map(move |(row, &time)| {
-        if let Some(even) = &even {
-            return even.at(values, row);
-        }
-        let wanted = time - delay_s;
-        while place + 1 < time_s.len() && time_s[place + 1] <= wanted {
-            place += 1;
-        }
-        cubic(time_s, values, place, wanted)
-    })
+    let uneven = even.is_none().then(|| {
+        time_s.iter().map(move |&time| {
+            let wanted = time - delay_s;
+            while place + 1 < time_s.len() && time_s[place + 1] <= wanted {
+                place += 1;
+            }
+            cubic(time_s, values, place, wanted)
+        })
+    });
+    even.into_iter().flatten().chain(uneven.into_iter().flatten())
 }
 
 /// The same through as many as eight rows on either side, for what sways within a few steps: at 2.2 rad a step four rows have 63 % of
@@ -201,10 +239,9 @@ pub fn delayed_closely<'s>(
     values: &'s [f64],
     delay_s: f64,
 ) -> impl Iterator<Item = Option<f64>> + 's {
-    let even = even_step(time_s).map(|step_s| EvenDelay::new(delay_s / step_s, WIDE_REACH));
+    let even = even_step(time_s).map(|step_s| EvenDelay::new(delay_s / step_s, WIDE_REACH).of(values));
     let uneven = even.is_none().then(|| delayed(time_s, values, delay_s));
-    let of_even = even.map(|even| (0..time_s.len()).map(move |row| even.at(values, row)));
-    of_even.into_iter().flatten().chain(uneven.into_iter().flatten())
+    even.into_iter().flatten().chain(uneven.into_iter().flatten())
 }
 
 /// The step, if all are equal.
@@ -218,6 +255,8 @@ fn even_step(time_s: &[f64]) -> Option<f64> {
 /// Rows on either side that a delayed value is made of.
 const NARROW_REACH: usize = 2;
 const WIDE_REACH: usize = 8;
+/// Rows that are computed together.
+const TOGETHER: usize = 64;
 
 /// A delay on an even grid: the same weights in every row.
 struct EvenDelay {
@@ -239,6 +278,35 @@ impl EvenDelay {
         let part = back - steps;
         let weights = (1..=reach).map(|reach| lagrange(part, reach)).collect();
         Self { rows: -back as isize, whole: part == 0.0, weights }
+    }
+
+    /// The late values of all rows.
+    fn of(&self, values: &[f64]) -> Vec<Option<f64>> {
+        let mut late: Vec<Option<f64>> = Vec::with_capacity(values.len());
+        let reach = self.weights.len();
+        // Rows that have all weights: from the first one on as many as there are windows.
+        let first = (reach as isize - 1 - self.rows).max(0) as usize;
+        let from = first.saturating_add_signed(self.rows + 1 - reach as isize);
+        let Some(weights) = self.weights.last().filter(|_| !self.whole) else {
+            return (0..values.len()).map(|row| self.at(values, row)).collect();
+        };
+        late.extend((0..first.min(values.len())).map(|row| self.at(values, row)));
+        let around = values.get(from..).unwrap_or_default();
+        let mut sums = [0.0; TOGETHER];
+        // Weight after weight over some rows: row after row the sums would wait for each other.
+        let windows = (around.len() + 1).saturating_sub(2 * reach).min(values.len() - late.len());
+        for begin in (0..windows).step_by(TOGETHER) {
+            let sums = &mut sums[..TOGETHER.min(windows - begin)];
+            sums.fill(0.0);
+            for (&weight, values) in weights.iter().zip(around[begin..].windows(sums.len())) {
+                for (sum, value) in sums.iter_mut().zip(values) {
+                    *sum += weight * value;
+                }
+            }
+            late.extend(sums.iter().copied().map(Some));
+        }
+        late.extend((late.len()..values.len()).map(|row| self.at(values, row)));
+        late
     }
 
     fn at(&self, values: &[f64], row: usize) -> Option<f64> {
@@ -362,6 +430,24 @@ mod tests {
         let bridged = bridged(&times(6, 2.0), &[nan, 1.0, nan, nan, 4.0, nan]).unwrap();
         assert_eq!(*bridged, [1.0, 1.0, 2.0, 3.0, 4.0, 4.0]);
         assert!(super::bridged(&times(2, 1.0), &[nan, f64::INFINITY]).is_none());
+    }
+
+    #[test]
+    fn waves_are_cosine_and_sine_on_any_grid() {
+        let even = times(300, 0.25);
+        let mut uneven = even.clone();
+        uneven[7] += 0.1;
+        for time_s in [even, uneven] {
+            for omega in [0.0, 1e-3, 2.0, 12.0] {
+                let [cos, sin] = waves(&time_s, omega);
+                let off = |wave: &[f64], exact: fn(f64) -> f64| {
+                    let off = wave.iter().zip(&time_s).map(|(wave, &t)| (wave - exact(omega * t)).abs());
+                    assert_eq!(wave.len(), time_s.len());
+                    off.fold(0.0, f64::max)
+                };
+                assert!(off(&cos, f64::cos) < 1e-12 && off(&sin, f64::sin) < 1e-12, "{omega} rad/s");
+            }
+        }
     }
 
     #[test]
