@@ -116,7 +116,7 @@ impl Delays {
         }
         let late = |(sensor, values): &(usize, Vec<f64>)| {
             let late = delayed_closely(&model.time_s, values, self.of(*sensor));
-            (*sensor, late.zip(values).map(|(late, &now)| late.unwrap_or(now)).collect())
+            (*sensor, late.into_iter().zip(values).map(|(late, &now)| late.unwrap_or(now)).collect())
         };
         Cow::Owned(Column { parts: column.parts.iter().map(late).collect() })
     }

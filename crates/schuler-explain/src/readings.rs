@@ -9,12 +9,14 @@
 //! - spikes: n readings that stand off from their neighbours on both sides: n C(N, n) Π 2Φ(−uᵢ), at the n that shows
 //!   most. u is the distance from the median of the neighbours, as many of them as make it spread least: few where the output
 //!   wanders, many where its noise is white.
+use rayon::prelude::*;
 use schuler_recording::Recording;
+use schuler_recording::recording::SensorSeries;
 use statrs::function::erf::erf;
 use statrs::function::gamma::ln_gamma;
 
 use crate::catalogue::ReadingFault;
-use crate::nominal::Model;
+use crate::nominal::{Block, Model};
 use crate::statistics::ln_chi_squared_tail;
 
 /// Shortest run of equal readings that may be a stuck output.
@@ -74,30 +76,42 @@ pub struct Fault {
 
 /// Faults of all sensors, and the readings spoilt by them.
 pub fn faults(recording: &Recording, model: &Model) -> (Vec<Fault>, Vec<Vec<bool>>) {
-    let mut found = Vec::new();
-    let mut masked = vec![Vec::new(); recording.sensors.len()];
-    for (index, series) in recording.sensors.iter().enumerate() {
-        let mut mask = vec![false; series.values.len()];
-        let sensor = &series.sensor;
-        let moves = sensor.nominal.white > 2.0 * sensor.quantisation;
-        let lattice = lattice(&series.values);
-        let coarse_step = lattice.map_or(0.0, |lattice| lattice.step);
-        // Clipped first: a stay at the limit is no stuck output.
-        let dwells = coarse_step > sensor.nominal.white;
-        found.extend(clipped(index, &series.values, dwells, &mut mask));
-        let repeats = Repeats { moves, at_rest: same_at_rest(coarse_step, sensor.nominal.white) };
-        found.extend(stuck(index, &series.values, repeats, &mut mask));
-        let coarse =
-            |lattice| coarse(index, &series.values, lattice, sensor.quantisation, sensor.nominal.white);
-        found.extend(lattice.and_then(coarse));
-        masked[index] = mask;
-    }
+    let of_sensors: Vec<(Vec<Fault>, Vec<bool>)> =
+        (recording.sensors.par_iter().enumerate()).map(|(index, series)| of_itself(index, series)).collect();
+    let (found, mut masked): (Vec<Vec<Fault>>, Vec<Vec<bool>>) = of_sensors.into_iter().unzip();
+    let mut found: Vec<Fault> = found.into_iter().flatten().collect();
     let mut steps = vec![0.0; recording.sensors.len()];
     for fault in found.iter().filter(|fault| fault.fault == ReadingFault::Quantised) {
         steps[fault.sensor] = fault.parameters.first().map_or(0.0, |parameter| parameter.1);
     }
-    found.extend(spikes(model, &steps, &mut masked));
+    // A sensor is in one block.
+    let spikes: Vec<(Fault, Vec<usize>)> =
+        model.blocks.par_iter().flat_map_iter(|block| spikes(model, block, &steps, &masked)).collect();
+    for (fault, rows) in spikes {
+        for row in rows {
+            masked[fault.sensor][row] = true;
+        }
+        found.push(fault);
+    }
     (found, masked)
+}
+
+/// What the readings of a sensor show alone, and the rows spoilt by it.
+fn of_itself(index: usize, series: &SensorSeries) -> (Vec<Fault>, Vec<bool>) {
+    let mut mask = vec![false; series.values.len()];
+    let sensor = &series.sensor;
+    let moves = sensor.nominal.white > 2.0 * sensor.quantisation;
+    let lattice = lattice(&series.values);
+    let coarse_step = lattice.map_or(0.0, |lattice| lattice.step);
+    // Clipped first: a stay at the limit is no stuck output.
+    let dwells = coarse_step > sensor.nominal.white;
+    let clipped = clipped(index, &series.values, dwells, &mut mask);
+    let repeats = Repeats { moves, at_rest: same_at_rest(coarse_step, sensor.nominal.white) };
+    let stuck = stuck(index, &series.values, repeats, &mut mask);
+    let coarse = lattice.and_then(|lattice| {
+        coarse(index, &series.values, lattice, sensor.quantisation, sensor.nominal.white)
+    });
+    (clipped.into_iter().chain(stuck).chain(coarse).collect(), mask)
 }
 
 /// How often readings repeat without being stuck.
@@ -296,69 +310,64 @@ pub fn lattice(values: &[f64]) -> Option<Lattice> {
     found.then_some(Lattice { step, levels: levels.len() })
 }
 
-/// Readings that stand off from their neighbours on both sides.
+/// Readings of a block that stand off from their neighbours on both sides, with their rows.
 ///
 /// Of sensors that are only compared with each other a spike may be any one's; an inertial velocity, which is an integral, has
 /// none where there is another.
-fn spikes(model: &Model, steps: &[f64], masked: &mut [Vec<bool>]) -> Vec<Fault> {
+fn spikes(model: &Model, block: &Block, steps: &[f64], masked: &[Vec<bool>]) -> Vec<(Fault, Vec<usize>)> {
     let mut found = Vec::new();
-    for block in &model.blocks {
-        let rows = block.rows();
-        let visible = |row: usize| {
-            block.present[row]
-                && block.sensors.iter().all(|&sensor| !masked[sensor].get(row).copied().unwrap_or(false))
+    let rows = block.rows();
+    let visible = |row: usize| {
+        block.present[row]
+            && block.sensors.iter().all(|&sensor| !masked[sensor].get(row).copied().unwrap_or(false))
+    };
+    let used: Vec<usize> = (0..rows).filter(|&row| visible(row)).collect();
+    if used.len() < FEWEST_WITH_SPIKES {
+        return found;
+    }
+    let floor = (block.sources.iter())
+        .map(|&source| {
+            let noise = &model.sources[source].nominal;
+            let step = steps.get(model.sources[source].sensor).copied().unwrap_or_default();
+            (noise.white_variance() + step * step / 4.0).sqrt()
+        })
+        .fold(f64::INFINITY, f64::min);
+    let standoffs: Vec<Vec<f64>> = (0..block.channels)
+        .map(|channel| {
+            let values: Vec<f64> = used.iter().map(|row| block.data[channel * rows + row]).collect();
+            // Readings that seldom move have no spread of their own.
+            let of = NEIGHBOURS.map(|neighbours| standoffs(&values, neighbours, floor));
+            let closest = of.into_iter().min_by(|(a, _), (b, _)| a.total_cmp(b));
+            closest.map(|(_, standoffs)| standoffs).unwrap_or_default()
+        })
+        .collect();
+    let mut of_sensor: Vec<Vec<(usize, f64)>> = vec![Vec::new(); block.sensors.len()];
+    for (place, &row) in used.iter().enumerate() {
+        let vector: Vec<f64> = standoffs.iter().map(|channel| channel[place]).collect();
+        let size = vector.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+        if size > LEAST_STANDOFF {
+            let nearest = block.nearest(&vector);
+            let jumps = |place: &usize| !model.sources[block.sources[*place]].integrates;
+            let sensor = block.alike(nearest).into_iter().find(jumps).unwrap_or(nearest);
+            of_sensor[sensor].push((row, size));
+        }
+    }
+    for (place, mut spikes) in of_sensor.into_iter().enumerate() {
+        let Some((number, evidence)) = most_evidence(&mut spikes, used.len()) else { continue };
+        spikes.truncate(number);
+        spikes.sort_by_key(|spike| spike.0);
+        let sensor = block.sensors[place];
+        let rows: Vec<usize> = spikes.iter().map(|spike| spike.0).collect();
+        let first = rows.first().copied().unwrap_or_default();
+        let last = rows.last().copied().unwrap_or_default();
+        let fault = Fault {
+            sensor,
+            fault: ReadingFault::Outliers,
+            evidence,
+            rows: (first, last + 1),
+            parameters: vec![("count", number as f64, false)],
         };
-        let used: Vec<usize> = (0..rows).filter(|&row| visible(row)).collect();
-        if used.len() < FEWEST_WITH_SPIKES {
-            continue;
-        }
-        let floor = (block.sources.iter())
-            .map(|&source| {
-                let noise = &model.sources[source].nominal;
-                let step = steps.get(model.sources[source].sensor).copied().unwrap_or_default();
-                (noise.white_variance() + step * step / 4.0).sqrt()
-            })
-            .fold(f64::INFINITY, f64::min);
-        let standoffs: Vec<Vec<f64>> = (0..block.channels)
-            .map(|channel| {
-                let values: Vec<f64> = used.iter().map(|row| block.data[channel * rows + row]).collect();
-                // Readings that seldom move have no spread of their own.
-                let of = NEIGHBOURS.map(|neighbours| standoffs(&values, neighbours, floor));
-                let closest = of.into_iter().min_by(|(a, _), (b, _)| a.total_cmp(b));
-                closest.map(|(_, standoffs)| standoffs).unwrap_or_default()
-            })
-            .collect();
-        let mut of_sensor: Vec<Vec<(usize, f64)>> = vec![Vec::new(); block.sensors.len()];
-        for (place, &row) in used.iter().enumerate() {
-            let vector: Vec<f64> = standoffs.iter().map(|channel| channel[place]).collect();
-            let size = vector.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
-            if size > LEAST_STANDOFF {
-                let nearest = block.nearest(&vector);
-                let jumps = |place: &usize| !model.sources[block.sources[*place]].integrates;
-                let sensor = block.alike(nearest).into_iter().find(jumps).unwrap_or(nearest);
-                of_sensor[sensor].push((row, size));
-            }
-        }
-        for (place, mut spikes) in of_sensor.into_iter().enumerate() {
-            let Some((number, evidence)) = most_evidence(&mut spikes, used.len()) else { continue };
-            spikes.truncate(number);
-            spikes.sort_by_key(|spike| spike.0);
-            let sensor = block.sensors[place];
-            let mask = &mut masked[sensor];
-            mask.resize(rows, false);
-            for (row, _) in &spikes {
-                mask[*row] = true;
-            }
-            let first = spikes.first().map_or(0, |spike| spike.0);
-            let last = spikes.last().map_or(0, |spike| spike.0);
-            found.push(Fault {
-                sensor,
-                fault: ReadingFault::Outliers,
-                evidence,
-                rows: (first, last + 1),
-                parameters: vec![("count", number as f64, false)],
-            });
-        }
+        found.push((fault, rows));
     }
     found
 }

@@ -169,7 +169,16 @@ pub fn evaluate(bench: &Bench<'_>, promises: &mut [Promise], proposals: &mut Vec
     let best = promises.first().map_or(0.0, |promise| promise.evidence);
     let close = promises.partition_point(|promise| promise.evidence > best - CLOSE);
     let listed = close.clamp(SHORT_LIST, LONGEST_LIST).min(promises.len());
-    let evaluated: Vec<Proposal> = (promises[..listed].par_iter_mut())
+    // And the best of each block, beside which changes of its noise are judged.
+    let mut is_led = vec![false; bench.case.model.blocks.len()];
+    let mut leads = |promise: &Promise| {
+        let Target::Sensor(sensor) = bench.case.candidates[promise.candidate].target else { return false };
+        bench.case.model.block_of(sensor).is_some_and(|block| !std::mem::replace(&mut is_led[block], true))
+    };
+    let list: Vec<&mut Promise> = (promises.iter_mut().enumerate())
+        .filter_map(|(place, promise)| (leads(promise) || place < listed).then_some(promise))
+        .collect();
+    let evaluated: Vec<Proposal> = (list.into_par_iter())
         .filter(|promise| !promise.evaluated && !bench.case.watch.is_cancelled())
         .filter_map(|promise| {
             promise.evaluated = true;

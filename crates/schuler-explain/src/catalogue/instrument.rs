@@ -54,7 +54,7 @@ pub(super) const TIME_DELAY: Effect = Effect {
         let signature = |time_s: &[f64], input: &[f64], delay_s: f64| -> Vec<f64> {
             let late = delayed(time_s, input, delay_s);
             let beyond = straight_on(time_s, input, delay_s);
-            (late.zip(time_s).zip(input))
+            (late.into_iter().zip(time_s).zip(input))
                 .map(|((late, &time), now)| late.unwrap_or_else(|| beyond(time)) - now)
                 .collect()
         };

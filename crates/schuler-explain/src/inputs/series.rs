@@ -213,35 +213,28 @@ pub fn lagged_smooth(time_s: &[f64], values: &[f64], tau_s: f64) -> Vec<f64> {
 
 /// The series as it was `delay_s` before (after, where negative), by cubic interpolation through the four rows
 /// around. None where that is outside of the recording.
-pub fn delayed<'s>(
-    time_s: &'s [f64],
-    values: &'s [f64],
-    delay_s: f64,
-) -> impl Iterator<Item = Option<f64>> + 's {
-    let even = even_step(time_s).map(|step_s| EvenDelay::new(delay_s / step_s, NARROW_REACH).of(values));
+pub fn delayed(time_s: &[f64], values: &[f64], delay_s: f64) -> Vec<Option<f64>> {
+    if let Some(step_s) = even_step(time_s) {
+        return EvenDelay::new(delay_s / step_s, NARROW_REACH).of(values);
+    }
     let mut place = 0;
-    let uneven = even.is_none().then(|| {
-        time_s.iter().map(move |&time| {
-            let wanted = time - delay_s;
-            while place + 1 < time_s.len() && time_s[place + 1] <= wanted {
-                place += 1;
-            }
-            cubic(time_s, values, place, wanted)
-        })
-    });
-    even.into_iter().flatten().chain(uneven.into_iter().flatten())
+    let of_time = |&time: &f64| {
+        let wanted = time - delay_s;
+        while place + 1 < time_s.len() && time_s[place + 1] <= wanted {
+            place += 1;
+        }
+        cubic(time_s, values, place, wanted)
+    };
+    time_s.iter().map(of_time).collect()
 }
 
 /// The same through as many as eight rows on either side, for what sways within a few steps: at 2.2 rad a step four rows have 63 % of
 /// a swing in the middle between two rows, sixteen 94 %. A jump of the values rings the longer, too.
-pub fn delayed_closely<'s>(
-    time_s: &'s [f64],
-    values: &'s [f64],
-    delay_s: f64,
-) -> impl Iterator<Item = Option<f64>> + 's {
-    let even = even_step(time_s).map(|step_s| EvenDelay::new(delay_s / step_s, WIDE_REACH).of(values));
-    let uneven = even.is_none().then(|| delayed(time_s, values, delay_s));
-    even.into_iter().flatten().chain(uneven.into_iter().flatten())
+pub fn delayed_closely(time_s: &[f64], values: &[f64], delay_s: f64) -> Vec<Option<f64>> {
+    match even_step(time_s) {
+        Some(step_s) => EvenDelay::new(delay_s / step_s, WIDE_REACH).of(values),
+        None => delayed(time_s, values, delay_s),
+    }
 }
 
 /// The step, if all are equal.
@@ -481,7 +474,7 @@ mod tests {
         let time_s = times(50, 1.0);
         let values = map(&time_s, cubic);
         for delay_s in [0.001, 0.37, 1.0, 2.6, -0.25] {
-            for (row, value) in delayed(&time_s, &values, delay_s).enumerate() {
+            for (row, value) in delayed(&time_s, &values, delay_s).into_iter().enumerate() {
                 let time = row as f64 - delay_s;
                 let expected = (0.0..=49.0).contains(&time).then(|| cubic(time));
                 assert_eq!(value.is_some(), expected.is_some(), "{delay_s} s in row {row}");
@@ -498,16 +491,16 @@ mod tests {
         let time_s = times(80, 1.0);
         let values = map(&time_s, |t| (omega * t).sin());
         let part = |late: Option<f64>| late.unwrap() / (omega * (40.0 - 0.5)).sin();
-        let close: Vec<Option<f64>> = delayed_closely(&time_s, &values, 0.5).collect();
-        assert!((part(delayed(&time_s, &values, 0.5).nth(40).flatten()) - 0.634).abs() < 1e-3);
+        let close = delayed_closely(&time_s, &values, 0.5);
+        assert!((part(delayed(&time_s, &values, 0.5)[40]) - 0.634).abs() < 1e-3);
         assert!((part(close[40]) - 0.941).abs() < 1e-3);
         // Beside the ends a straight line, and what lies before the record is not there.
         assert!(close[0].is_none() && (close[1].unwrap() - 0.5 * values[1]).abs() < 1e-12);
         assert!(
-            delayed_closely(&time_s, &values, 2.0)
-                .skip(2)
+            delayed_closely(&time_s, &values, 2.0)[2..]
+                .iter()
                 .zip(&values)
-                .all(|(late, &value)| late == Some(value))
+                .all(|(late, &value)| *late == Some(value))
         );
     }
 
@@ -519,7 +512,7 @@ mod tests {
         uneven[59] += 0.1;
         let values = map(&even, |t| (1.3 * t).sin() + 0.1 * t);
         for delay_s in [0.0, 0.01, 0.25, 0.6, 5.0, -0.3, -0.75] {
-            let pairs = delayed(&even, &values, delay_s).zip(delayed(&uneven, &values, delay_s));
+            let pairs = delayed(&even, &values, delay_s).into_iter().zip(delayed(&uneven, &values, delay_s));
             for (row, (fast, slow)) in pairs.enumerate().take(50) {
                 assert_eq!(fast.is_some(), slow.is_some(), "{delay_s} s in row {row}");
                 assert!((fast.unwrap_or_default() - slow.unwrap_or_default()).abs() < 1e-12);
