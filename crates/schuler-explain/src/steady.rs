@@ -31,7 +31,7 @@ const UNSETTLED_NATS: f64 = 1e-4;
 /// States up to which a filter of one channel is of fixed size.
 const FEW_STATES: usize = 8;
 /// Elements of Ψ over some rows, states in units of their spread, below which nothing is left of a state.
-const FORGOTTEN: f64 = 1e-18;
+const FORGOTTEN: f64 = 1e-12;
 
 /// A filter with its settled gain, and where it has not settled.
 pub struct Steady {
