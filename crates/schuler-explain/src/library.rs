@@ -23,7 +23,7 @@ use crate::catalogue::{Candidate, Search, Signature};
 use crate::description::{Delays, Term, sensors_of};
 use crate::least_squares::{dot, solve, solve_seen};
 use crate::nominal::{Block, Model};
-use crate::price::{ln_number_of_mean, ln_places_at};
+use crate::price::{continuous, ln_number_of_mean, ln_places_at};
 use crate::state::{Bench, Described, Whitened};
 use crate::statistics::ln_chi_squared_tail;
 
@@ -303,7 +303,7 @@ impl Library {
 
     /// The distribution of the best candidate where nothing is hidden: whitened innovations are then independent
     /// standard normals, and the scores jointly normal with the columns' normal matrix.
-    pub fn null_distribution(&self, candidates: usize) -> NullDistribution {
+    pub fn null_distribution(&self, candidates: &[Candidate]) -> NullDistribution {
         let roots: Vec<Root<'_>> = self.blocks.par_iter().map(BlockSums::root).collect();
         let drawn: Vec<Vec<f64>> = (0..DRAWS.div_ceil(DRAWN_TOGETHER))
             .into_par_iter()
@@ -326,7 +326,7 @@ impl Library {
                         let own: Vec<DVector<f64>> =
                             scores.iter().map(|scores| scores.column(draw).into_owned()).collect();
                         let views: Vec<&DVector<f64>> = own.iter().collect();
-                        let mut least = vec![0.0_f64; candidates];
+                        let mut least = vec![0.0_f64; candidates.len()];
                         for (entry, gain) in self.entries.iter().zip(self.gains_of(&views, true)) {
                             let evidence = -ln_chi_squared_tail(2.0 * gain.gain, gain.freedom);
                             least[entry.candidate] = least[entry.candidate].max(evidence);
@@ -336,29 +336,25 @@ impl Library {
                     .collect::<Vec<_>>()
             })
             .collect();
-        let ln_places: Vec<f64> = (0..candidates)
+        let ln_places: Vec<f64> = (0..candidates.len())
             .map(|candidate| {
                 let mean = drawn.iter().map(|least| least[candidate]).sum::<f64>() / DRAWS as f64;
                 // −ln of the least of K independent p-values has the mean Σ 1/k, which is ψ(K + 1) + γ.
                 ln_number_of_mean(mean)
             })
             .collect();
-        let has_entries: Vec<bool> =
-            (0..candidates).map(|candidate| self.entries.iter().any(|e| e.candidate == candidate)).collect();
-        let mut continuous = vec![0; candidates];
-        for entry in &self.entries {
-            continuous[entry.candidate] = entry.point.len();
-        }
+        let mut with_entries: Vec<usize> = self.entries.iter().map(|entry| entry.candidate).collect();
+        with_entries.dedup();
         let mut best: Vec<f64> = (drawn.iter())
             .map(|least| {
                 let each = least.iter().enumerate().map(|(candidate, &alone)| {
-                    alone - ln_places_at(alone, ln_places[candidate], continuous[candidate])
+                    alone - ln_places_at(alone, ln_places[candidate], continuous(&candidates[candidate]))
                 });
                 each.fold(0.0, f64::max)
             })
             .collect();
         best.sort_by(f64::total_cmp);
-        NullDistribution { ln_places, best, candidates: has_entries.iter().filter(|&&has| has).count() }
+        NullDistribution { ln_places, best, candidates: with_entries.len() }
     }
 }
 

@@ -19,11 +19,7 @@ pub struct Price {
 impl Price {
     /// Of a candidate that was sought in so many places.
     pub fn of(candidate: &Candidate, freedom: usize, ln_places: f64) -> Self {
-        let continuous = match &candidate.search {
-            Search::Grid { parameters, .. } => parameters.len(),
-            _ => 0,
-        };
-        Self { freedom, ln_places, continuous }
+        Self { freedom, ln_places, continuous: continuous(candidate) }
     }
 
     /// Of a change of noise.
@@ -35,6 +31,14 @@ impl Price {
     pub fn evidence(&self, gain: f64) -> f64 {
         let alone = -ln_chi_squared_tail(2.0 * gain, self.freedom);
         (alone - ln_places_at(alone, self.ln_places, self.continuous)).max(0.0)
+    }
+}
+
+/// Number of parameters of a candidate that are sought in a continuum.
+pub fn continuous(candidate: &Candidate) -> usize {
+    match &candidate.search {
+        Search::Grid { parameters, .. } => parameters.len(),
+        _ => 0,
     }
 }
 

@@ -4,6 +4,8 @@
 //! absent, over all the places (grid points, onsets, frequencies) where it was sought: the gain in nats less a penalty
 //! that grows with the number of its parameters and places, and not with the length of the record. Family-wise
 //! probabilities count all candidates of all sensors; each family of candidates has a share of the level.
+use std::sync::OnceLock;
+
 use rayon::prelude::*;
 
 use crate::catalogue::{Candidate, NoiseChange, OnsetShape, Search, Target};
@@ -104,7 +106,7 @@ impl Family {
         let count =
             |wanted: fn(&Search) -> bool| candidates.iter().filter(|c| wanted(&c.search)).count().max(1);
         Self {
-            null: library.null_distribution(candidates.len()),
+            null: library.null_distribution(candidates),
             onsets: count(|search| matches!(search, Search::Onset(_))),
             frequencies: count(|search| matches!(search, Search::Frequency)),
             noises: count(|search| matches!(search, Search::Noise(_))),
@@ -282,12 +284,14 @@ fn promises_of_scans(bench: &Bench<'_>, wanted: &(dyn Fn(usize) -> bool + Sync))
 /// above it as answering: it is where the sum of the differences of their squares is largest.
 fn promises_of_thresholds(bench: &Bench<'_>, wanted: &(dyn Fn(usize) -> bool + Sync)) -> Vec<Promise> {
     let case = bench.case;
+    let left: Vec<OnceLock<Vec<f64>>> = case.model.blocks.iter().map(|_| OnceLock::new()).collect();
+    let is_described = |place: usize| bench.terms.iter().any(|term| term.candidate == place);
     let promise = |(place, candidate): (usize, &Candidate)| {
         let (Search::Grid { signature, .. }, Target::Sensor(sensor)) = (&candidate.search, &candidate.target)
         else {
             return None;
         };
-        if candidate.effect.id != DEAD_ZONE || !wanted(place) {
+        if candidate.effect.id != DEAD_ZONE || !wanted(place) || is_described(place) {
             return None;
         }
         let index = case.model.block_of(*sensor)?;
@@ -296,7 +300,8 @@ fn promises_of_thresholds(bench: &Bench<'_>, wanted: &(dyn Fn(usize) -> bool + S
         let silent = signature(&[f64::INFINITY]);
         let (_, values) = silent.columns.first()?.parts.first()?;
         let missed = block.project(silent.columns.first()?, candidate.port)?;
-        let left = remainder(case.model, index, &bench.terms, &bench.solution.amplitudes);
+        let left = left[index]
+            .get_or_init(|| remainder(case.model, index, &bench.terms, &bench.solution.amplitudes));
         let rows = block.rows();
         let better = |row: usize| -> f64 {
             let of_channel = |channel: usize| {

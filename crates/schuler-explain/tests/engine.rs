@@ -10,7 +10,7 @@ use schuler_explain::catalogue::{
     Amplitude, CATALOGUE, Candidate, Column, Effect, NoiseChange, Nonlinear, OnsetShape, Port, ReadingFault,
     Search, Signature, Target,
 };
-use schuler_explain::explain::{Error, Options, explain_with};
+use schuler_explain::explain::{Error, Options, explain, explain_with};
 use schuler_explain::explanation::{Explanation, Verdict};
 use schuler_explain::inputs::Inputs;
 use schuler_recording::Recording;
@@ -713,6 +713,43 @@ fn a_delay_is_found_without_an_amplitude() {
         let (value, sigma) = (parameter.value.unwrap(), parameter.sigma.unwrap());
         assert!((value - 0.7).abs() < 3.5 * sigma, "{value} {sigma}");
     }
+}
+
+#[test]
+fn the_threshold_of_a_dead_zone_is_found_between_the_points_of_any_grid() {
+    let rate = |row: usize| 0.02 * (0.011 * row as f64).sin() + 0.013 * (0.0037 * row as f64 + 1.0).sin();
+    let rates: Vec<f64> = (0..ROWS).map(rate).collect();
+    let named = |trial: u64| {
+        let threshold = 0.003 * 1.13_f64.powi(trial as i32);
+        let white = 1e-6;
+        let mut random = Pcg64::seed_from_u64(400 + trial);
+        let silent = |value: f64| if value.abs() < threshold { 0.0 } else { value };
+        let mut reading = |&rate: &f64| {
+            let noise: f64 = StandardNormal.sample(&mut random);
+            silent(rate) + white * noise
+        };
+        let values: Vec<f64> = rates.iter().map(&mut reading).collect();
+        let nominal = Nominal { white, ..Nominal::default() };
+        let gyro = common::series(
+            "gyro",
+            (SensorKind::Fog, Unit::RadianPerSecond),
+            [1.0, 0.0, 0.0],
+            nominal,
+            values,
+        );
+        let mut recording = common::recording(MotionKind::Recorded, vec![gyro]);
+        recording.motion.rate = Some([rates.clone(), vec![0.0; ROWS], vec![0.0; ROWS]]);
+        let answer = explain(&recording, &Options { hold_out: false, ..Options::default() }).unwrap();
+        let told: Vec<&str> = answer.findings.iter().map(|finding| finding.effect.as_str()).collect();
+        assert_eq!(told, ["dead_zone"], "threshold {threshold}");
+        let parameters = &answer.findings[0].parameters;
+        let found = parameters.iter().find(|parameter| parameter.name == "threshold").unwrap();
+        let found = found.value.unwrap();
+        // No reading lies between what was hidden and what was found.
+        let between = |rate: &&f64| (rate.abs() < threshold) != (rate.abs() < found);
+        assert_eq!(rates.iter().filter(between).count(), 0, "{found} for {threshold}");
+    };
+    (0..12_u64).into_par_iter().for_each(named);
 }
 
 #[test]
