@@ -145,7 +145,7 @@ impl Place {
         let mut found: Vec<Decoded> = starts.filter_map(|start| decoder.decode(start)).collect();
         found.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         found.truncate(FOLLOWED);
-        for decoded in &mut found {
+        found.par_iter_mut().for_each(|decoded| {
             for _ in 0..ITERATIONS {
                 let (_, solution) = bench.with_term(&self.term(&decoded.on));
                 let Some(&amplitude) = solution.amplitudes.as_slice().last() else { break };
@@ -156,7 +156,7 @@ impl Place {
                 }
                 *decoded = next;
             }
-        }
+        });
         let best = found.into_iter().max_by(|a, b| a.gain.total_cmp(&b.gain))?;
         let comes_and_goes = [false, true].into_iter().all(|state| {
             let (number, rows) = stays(&best.on, state).fold((0, 0), |(n, rows), stay| (n + 1, rows + stay));

@@ -11,7 +11,8 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use crate::catalogue::{Column, Port};
 use crate::description::Term;
 use crate::explanation::{Located, Remainder};
-use crate::inputs::{Condition, Inputs};
+use crate::inputs::Inputs;
+use crate::nominal::Block;
 use crate::state::{Bench, Case, State};
 use crate::statistics::{chi_squared_tail, ljung_box};
 
@@ -111,7 +112,14 @@ fn block_name(case: &Case<'_>, block: usize) -> String {
 
 /// Results of all tests, and their number.
 fn results(bench: &Bench<'_>, inputs: &Inputs<'_>) -> (Vec<Result>, f64) {
-    let conditions = inputs.conditions();
+    let conditions: Vec<Binned> = inputs
+        .conditions()
+        .into_par_iter()
+        .enumerate()
+        .filter_map(|(place, condition)| {
+            Some(Binned { place, name: condition.name, bins: bins(condition.values)? })
+        })
+        .collect();
     let of_blocks: Vec<(Vec<Result>, f64)> = (0..bench.blocks.len())
         .into_par_iter()
         .filter_map(|index| results_of_block(bench, index, &conditions))
@@ -121,11 +129,7 @@ fn results(bench: &Bench<'_>, inputs: &Inputs<'_>) -> (Vec<Result>, f64) {
 }
 
 /// The same of a block, if it has a filter.
-fn results_of_block(
-    bench: &Bench<'_>,
-    index: usize,
-    conditions: &[Condition<'_>],
-) -> Option<(Vec<Result>, f64)> {
+fn results_of_block(bench: &Bench<'_>, index: usize, conditions: &[Binned]) -> Option<(Vec<Result>, f64)> {
     let case = bench.case;
     let whitened = bench.blocks[index].as_ref()?;
     let mut results = Vec::new();
@@ -193,16 +197,16 @@ fn results_of_block(
             tests += 1.0;
         }
     }
-    for (place, condition) in conditions.iter().enumerate() {
+    for condition in conditions {
         for channel in 0..channels {
-            let Some((p, low, high)) = conditional(block, &e[channel * rows..], condition.values) else {
+            let Some((p, low, high)) = conditional(block, &e[channel * rows..], &condition.bins) else {
                 continue;
             };
             let what = format!(
                 "the mean depends on {} (from {low:.2} σ to {high:.2} σ of its error)",
                 condition.name
             );
-            push("conditional_mean", what, p, 1.0, None, None, Some(place));
+            push("conditional_mean", what, p, 1.0, None, None, Some(condition.place));
             tests += 1.0;
         }
     }
@@ -250,13 +254,18 @@ fn largest_sum(series: &[f64]) -> (f64, usize) {
     (if x < 0.3 { 1.0 } else { p.clamp(0.0, 1.0) }, largest.1)
 }
 
-/// p-value of means in bins of equal number, with the least and the largest mean in standard deviations.
-fn conditional(block: &crate::nominal::Block, e: &[f64], values: &[f64]) -> Option<(f64, f64, f64)> {
-    let mut sorted: Vec<f64> = (0..block.rows())
-        .filter(|&row| block.present[row])
-        .filter_map(|row| values.get(row).copied())
-        .collect();
-    sorted.retain(|value| value.is_finite());
+/// A condition in bins of equal number.
+struct Binned {
+    /// Its place among the conditions.
+    place: usize,
+    name: String,
+    /// The bin of each row; `None` where there is no value.
+    bins: Vec<Option<u8>>,
+}
+
+/// The bins of a condition's values; `None` where they take too few values.
+fn bins(values: &[f64]) -> Option<Vec<Option<u8>>> {
+    let mut sorted: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
     let number = sorted.len();
     if number < BINS {
         return None;
@@ -276,17 +285,25 @@ fn conditional(block: &crate::nominal::Block, e: &[f64], values: &[f64]) -> Opti
     if edges.first()? >= edges.last()? {
         return None;
     }
+    let bin = |value: &f64| value.is_finite().then(|| edges.partition_point(|edge| edge < value) as u8);
+    Some(values.iter().map(bin).collect())
+}
+
+/// p-value of the means in the bins of a condition, with the least and the largest mean in standard deviations.
+fn conditional(block: &Block, e: &[f64], bins: &[Option<u8>]) -> Option<(f64, f64, f64)> {
     let mut sums = [(0.0, 0.0); BINS];
-    for row in (0..block.rows()).filter(|&row| block.present[row]) {
-        let value = values.get(row).copied().filter(|value| value.is_finite());
-        if let (Some(value), Some(e)) = (value, e.get(row)) {
-            let (sum, count) = &mut sums[edges.partition_point(|&edge| edge < value)];
+    for ((bin, e), _) in bins.iter().zip(e).zip(&block.present).filter(|(_, present)| **present) {
+        if let Some(bin) = bin {
+            let (sum, count) = &mut sums[usize::from(*bin)];
             *sum += e;
             *count += 1.0;
         }
     }
     let standard: Vec<f64> =
         sums.iter().filter(|(_, count)| *count > 0.0).map(|(sum, count)| sum / f64::sqrt(*count)).collect();
+    if standard.len() < 2 {
+        return None;
+    }
     let statistic: f64 = standard.iter().map(|z| z * z).sum();
     let low = standard.iter().copied().fold(f64::INFINITY, f64::min);
     let high = standard.iter().copied().fold(f64::NEG_INFINITY, f64::max);

@@ -226,11 +226,10 @@ fn promises_of_scans(bench: &Bench<'_>, wanted: &(dyn Fn(usize) -> bool + Sync))
     let model = bench.case.model;
     (0..model.blocks.len())
         .into_par_iter()
-        .flat_map_iter(|index| {
-            let mut promises = Vec::new();
+        .flat_map_iter(|index| -> Vec<Promise> {
             let (Some(whitened), Some(filter)) = (&bench.blocks[index], &bench.filters.of_block[index])
             else {
-                return promises;
+                return Vec::new();
             };
             let scanner = Scanner::new(
                 &model.blocks[index],
@@ -238,17 +237,18 @@ fn promises_of_scans(bench: &Bench<'_>, wanted: &(dyn Fn(usize) -> bool + Sync))
                 &whitened.remainder,
                 whitened.columns.get(1..).unwrap_or_default(),
             );
-            for (place, candidate) in bench.case.candidates.iter().enumerate() {
-                let Target::Sensor(sensor) = candidate.target else { continue };
+            let of = |(place, candidate): (usize, &Candidate)| {
+                let Target::Sensor(sensor) = candidate.target else { return Vec::new() };
                 if !model.blocks[index].sensors.contains(&sensor) || !wanted(place) {
-                    continue;
+                    return Vec::new();
                 }
                 let scan = match candidate.search {
                     Search::Onset(shape) => scanner.onsets(sensor, candidate.port, shape, bench.case.time_s),
                     Search::Frequency => scanner.frequencies(sensor, candidate.port, &bench.noises),
                     _ => None,
                 };
-                let Some(Scan { peaks, mut ln_places }) = scan else { continue };
+                let Some(Scan { peaks, mut ln_places }) = scan else { return Vec::new() };
+                let mut promises = Vec::new();
                 let freedom = candidate.amplitudes.len().max(1);
                 if matches!(candidate.search, Search::Onset(OnsetShape::Ramp)) {
                     // A drift over the whole record is one place of its own; it pays for itself and not for the scan.
@@ -271,8 +271,9 @@ fn promises_of_scans(bench: &Bench<'_>, wanted: &(dyn Fn(usize) -> bool + Sync))
                     ln_places,
                     evaluated: false,
                 });
-            }
-            promises
+                promises
+            };
+            bench.case.candidates.par_iter().enumerate().flat_map_iter(of).collect()
         })
         .collect()
 }
