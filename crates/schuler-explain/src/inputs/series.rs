@@ -278,8 +278,8 @@ impl EvenDelay {
         let mut late: Vec<Option<f64>> = Vec::with_capacity(values.len());
         let reach = self.weights.len();
         // Rows that have all weights: from the first one on as many as there are windows.
-        let first = (reach as isize - 1 - self.rows).max(0) as usize;
-        let from = first.saturating_add_signed(self.rows + 1 - reach as isize);
+        let first = (reach - 1).checked_add_signed(-self.rows).unwrap_or(0);
+        let from = first.saturating_add_signed(self.rows) + 1 - reach;
         let Some(weights) = self.weights.last().filter(|_| !self.whole) else {
             return (0..values.len()).map(|row| self.at(values, row)).collect();
         };
