@@ -630,8 +630,10 @@ fn choose(
             (noise_remains, found)
         };
         // A change of noise that shows less than a term, and nothing beside it, was the term. If there is noise of another structure
-        // as well, it shows once the term is described; to seek terms beside this one is most of a round's work.
-        let strongest = proposals.iter().find(|proposal| touched(proposal.term.candidate));
+        // as well, it shows once the term is described; to seek terms beside this one is most of a round's work. Where several sources
+        // meet the term may be another's that looks the same under the wrong noise.
+        let alone = case.model.blocks[index].sources.len() == 1;
+        let strongest = proposals.iter().find(|proposal| alone && touched(proposal.term.candidate));
         let is_the_term = |term: &Proposal| {
             term.evidence > -fit.ln_p && ln_p_of(term, term.evidence) <= ln_level && !judge(term).0
         };
