@@ -147,7 +147,8 @@ pub fn sensors_of(candidate: &Candidate) -> Vec<usize> {
     }
 }
 
-fn columns(candidate: &Candidate, nonlinear: &[f64], time_s: &[f64]) -> Vec<Column> {
+/// The columns of a candidate at given values of the parameters in which it is not linear.
+pub(crate) fn columns(candidate: &Candidate, nonlinear: &[f64], time_s: &[f64]) -> Vec<Column> {
     let shared = |values: Vec<f64>| Column {
         parts: sensors_of(candidate).into_iter().map(|sensor| (sensor, values.clone())).collect(),
     };

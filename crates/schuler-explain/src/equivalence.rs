@@ -113,7 +113,7 @@ pub fn alternatives(
     }
     let kept_bench = Bench::new(case, &kept.terms, &kept.noises);
     let free = affordable && blocks.iter().any(|&block| !kept.free_in(model, block).is_empty());
-    for proposal in deterministic(&kept_bench, &library(&kept_bench, false, &touched), family, &touched) {
+    for proposal in deterministic(&kept_bench, &library(&kept_bench, &touched), family, &touched) {
         let (mut gain, mut evidence_here) = (proposal.gain, proposal.evidence);
         if free {
             let mut with = kept.clone();
@@ -166,6 +166,7 @@ pub fn alternatives(
     prefer_simpler(case, &mut found);
     prefer_part(case, family, ln_level, &mut found);
     prefer_instrument(case, &mut found);
+    prefer_output(case, &mut found);
     (found, less)
 }
 
@@ -225,6 +226,22 @@ fn prefer_part(case: &Case<'_>, family: &Family, ln_level: f64, found: &mut [Alt
     if family.ln_p(candidate, Price { freedom, ..best.price }.evidence(adds)) > ln_level {
         found[place + 1].simpler = true;
         found[..=place + 1].rotate_right(1);
+    }
+}
+
+/// A line of one frequency inside a loop is one of what the loop puts out, but for how it begins. Where that does not tell, it is where it
+/// is seen.
+fn prefer_output(case: &Case<'_>, found: &mut [Alternative]) {
+    let port = |other: &Alternative| {
+        let candidate = &case.candidates[other.candidate];
+        matches!(candidate.search, Search::Frequency).then_some(candidate.port)
+    };
+    let inside = [Some(Port::Accelerometer), Some(Port::Gyro)];
+    if found.first().is_some_and(|best| inside.contains(&port(best)))
+        && let Some(place) = found.iter().position(|other| port(other) == Some(Port::Output))
+    {
+        found[place].simpler = true;
+        found[..=place].rotate_right(1);
     }
 }
 

@@ -156,17 +156,16 @@ fn explained<S>(
         return Err(Error::Level(options.level.to_string()));
     }
     let unmasked = Model::new(recording, &[]).map_err(Error::NothingToCompare)?;
-    let (faults, masked) = faults(recording, &unmasked);
-    let (angles, faults): (Vec<Fault>, Vec<Fault>) =
-        faults.into_iter().partition(|fault| is_of_angle(&unmasked, fault));
+    let mut faults = faults(recording, &unmasked);
+    let angles: Vec<Fault> = faults.found.extract_if(.., |fault| is_of_angle(&unmasked, fault)).collect();
     let of_angle: Vec<usize> = angles.iter().map(|fault| fault.sensor).collect();
-    let mut model = if faults.is_empty() {
-        unmasked
+    let mut model = if faults.found.is_empty() {
+        unmasked.clone()
     } else {
-        Model::new(recording, &masked).map_err(Error::NothingToCompare)?
+        Model::new(recording, &faults.masked).map_err(Error::NothingToCompare)?
     };
     account_for_lattices(&mut model, recording, &of_angle);
-    candidates.retain(|candidate| acts(&model, candidate) && !is_spoilt(candidate, &faults));
+    candidates.retain(|candidate| acts(&model, candidate) && !is_spoilt(candidate, &faults.found));
     let nuisances = estimate_unknown(&mut model);
     let noises = model.nominal_noises();
     for block in &model.blocks {
@@ -195,7 +194,8 @@ fn explained<S>(
     let mut findings = findings(&case, &mut selection, options.level.ln());
     unless_cancelled(watch)?;
     watch.progress(Phase::Judge, 0.0);
-    findings.extend(of_readings(recording, &case, &selection.family, &faults, options.level));
+    faults.spikes_beside(&unmasked, &selection.state.terms, &selection.bench.solution.amplitudes);
+    findings.extend(of_readings(recording, &case, &selection.family, &faults.found, options.level));
     findings.sort_by(|a, b| b.evidence.gain_nats.total_cmp(&a.evidence.gain_nats));
     let located = locate::locate(&case, &selection.null, inputs);
     let (left, remainder) = locate::left(&case, &selection.state, inputs);
@@ -212,7 +212,7 @@ fn explained<S>(
     let mut notes = recording.warnings.clone();
     notes.extend(model.notes.iter().cloned());
     notes.extend(set_remainders_aside(&mut findings, recording));
-    notes.extend(set_rounding_aside(&mut findings, recording, &faults));
+    notes.extend(set_rounding_aside(&mut findings, recording, &faults.found));
     if many {
         notes.push(format!("the search ended at {MOST_FINDINGS} findings; there may be more"));
     }

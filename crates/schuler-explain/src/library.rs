@@ -19,8 +19,8 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
-use crate::catalogue::{Candidate, Search, Signature};
-use crate::description::{Delays, Term, sensors_of};
+use crate::catalogue::{Candidate, OnsetShape, Search, Signature};
+use crate::description::{Delays, Term, columns, sensors_of};
 use crate::least_squares::{dot, solve, solve_seen};
 use crate::nominal::{Block, Model};
 use crate::price::{continuous, ln_number_of_mean, ln_places_at};
@@ -49,6 +49,10 @@ const DRAWS: usize = 600;
 const DRAWN_TOGETHER: usize = 25;
 /// Order statistic beyond which the tail is taken as exponential.
 const TAIL_DRAWS: usize = 20;
+/// Onsets that take part in pairs.
+const ONSETS: usize = 24;
+/// Part of a signature that must be left beside another for a pair of them.
+const FURTHEST_ALIKE: f64 = 0.01;
 /// Seed of the draws.
 const SEED: u64 = 0x5c1d;
 
@@ -87,6 +91,34 @@ pub struct Library {
     regressors: usize,
     blocks: Vec<BlockSums>,
     prepared: Vec<Prepared>,
+}
+
+/// An entry in one block, what is described taken out: orthonormal columns.
+struct Direction {
+    entry: usize,
+    scores: DVector<f64>,
+    sketches: Vec<Vec<f32>>,
+}
+
+impl Direction {
+    fn alone(&self) -> f64 {
+        0.5 * self.scores.norm_squared()
+    }
+
+    /// What both gain; none where they are nearly the same.
+    fn gain_with(&self, other: &Self) -> Option<f64> {
+        let between = DMatrix::from_fn(self.sketches.len(), other.sketches.len(), |i, j| {
+            tiled_dot(&self.sketches[i], &other.sketches[j])
+        });
+        let beside = &other.scores - between.transpose() * &self.scores;
+        let left =
+            DMatrix::identity(other.sketches.len(), other.sketches.len()) - between.transpose() * between;
+        if left.diagonal().min() < FURTHEST_ALIKE {
+            return None;
+        }
+        let further = left.cholesky()?.solve(&beside).dot(&beside);
+        Some(self.alone() + 0.5 * further)
+    }
 }
 
 /// An entry with the regressors projected out.
@@ -142,6 +174,28 @@ pub struct Gain {
     pub freedom: usize,
 }
 
+/// Two entries of a block, and what they gain.
+#[derive(Clone, Copy, Debug)]
+pub struct Pair {
+    /// Their places in the library.
+    pub entries: [usize; 2],
+    /// Gain of both, by the correlation of their sketches.
+    pub gain: f64,
+    /// Gain of each alone.
+    pub alone: [f64; 2],
+}
+
+/// What a library is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// What each entry gains.
+    Gains,
+    /// What the best of all would gain where nothing is hidden, and so with their correlations.
+    NullDistribution,
+    /// What two entries gain together, onsets at some times among them.
+    Pairs,
+}
+
 /// Null distribution of the best of all candidates.
 pub struct NullDistribution {
     /// ln of the effective number of points of each candidate's grid.
@@ -174,7 +228,7 @@ pub fn grid_points(candidate: &Candidate) -> Vec<Vec<f64>> {
 
 impl Library {
     /// Scores of all candidates beside the constants and `terms`, over every block that has a filter.
-    pub fn new(bench: &Bench<'_>, correlations: bool, wanted: &(dyn Fn(usize) -> bool + Sync)) -> Self {
+    pub fn new(bench: &Bench<'_>, purpose: Purpose, wanted: &(dyn Fn(usize) -> bool + Sync)) -> Self {
         let (model, candidates, terms) = (bench.case.model, bench.case.candidates, &bench.terms);
         let regressors = model.constants.len() + terms.iter().map(Term::amplitudes).sum::<usize>();
         let delays = Delays::new(terms);
@@ -182,7 +236,11 @@ impl Library {
         let mut first = regressors;
         for (index, candidate) in candidates.iter().enumerate().filter(|(index, _)| wanted(*index)) {
             let unit_amplitude = matches!(candidate.search, Search::Grid { unit_amplitude: true, .. });
-            for (number, point) in grid_points(candidate).into_iter().enumerate() {
+            let points = match &candidate.search {
+                Search::Onset(shape) if purpose == Purpose::Pairs => onsets(*shape, bench.case.time_s),
+                _ => grid_points(candidate),
+            };
+            for (number, point) in points.into_iter().enumerate() {
                 let columns = candidate.amplitudes.len().max(1);
                 entries.push(Entry { candidate: index, number, point, first, columns, unit_amplitude });
                 first += columns;
@@ -192,7 +250,7 @@ impl Library {
             .map(|entry| blocks_of(model, &sensors_of(&candidates[entry.candidate])))
             .collect();
         let longest = model.blocks.iter().map(|block| block.data.len()).max().unwrap_or_default();
-        let signs = if correlations { signs(longest) } else { Vec::new() };
+        let signs = if purpose == Purpose::Gains { Vec::new() } else { signs(longest) };
         let mut builders: Vec<Builder<'_>> = (0..model.blocks.len())
             .into_par_iter()
             .filter_map(|index| {
@@ -301,6 +359,84 @@ impl Library {
             .collect()
     }
 
+    /// The pairs of entries of one block and different candidates that gain at least `least` together, and `further` beside each alone.
+    ///
+    /// With orthonormal whitened columns, what is described taken out, and their scores u₁ and u₂ the gain is
+    /// ½|u₁|² + ½ dᵀ(I − MᵀM)⁻¹d, d = u₂ − Mᵀu₁, where M = Q₁ᵀQ₂ is taken from the sketches.
+    pub fn pairs(&self, least: f64, further: f64) -> Vec<Pair> {
+        let mut pairs: Vec<Pair> = Vec::new();
+        for block in &self.blocks {
+            let directions = self.directions(block);
+            let of_one = |(place, first): (usize, &Direction)| -> Vec<Pair> {
+                let candidate = |direction: &Direction| self.entries[direction.entry].candidate;
+                directions[..place]
+                    .iter()
+                    .filter(|other| candidate(other) != candidate(first))
+                    .filter_map(|other| {
+                        let gain = first.gain_with(other)?;
+                        let alone = [other.alone(), first.alone()];
+                        let least = least.max(alone[0] + further).max(alone[1] + further);
+                        (gain >= least).then_some(Pair { entries: [other.entry, first.entry], gain, alone })
+                    })
+                    .collect()
+            };
+            pairs.par_extend(directions.par_iter().enumerate().flat_map_iter(of_one));
+        }
+        pairs
+    }
+
+    /// The entries of a block, orthonormal.
+    fn directions(&self, block: &BlockSums) -> Vec<Direction> {
+        let regressors: Vec<usize> =
+            (0..self.regressors).filter(|&regressor| block.place[regressor].is_some()).collect();
+        let mut basis: Vec<Vec<f32>> = Vec::new();
+        for &regressor in &regressors {
+            let mut sketch = block.place[regressor].map_or(Vec::new(), |place| block.sketches[place].clone());
+            take_out(&mut sketch, &basis);
+            let length = tiled_dot(&sketch, &sketch).sqrt();
+            if length > SEEN.sqrt() {
+                sketch.iter_mut().for_each(|value| *value /= length as f32);
+                basis.push(sketch);
+            }
+        }
+        let scores_of = |column: usize| block.place[column].map_or(0.0, |place| block.scores[place]);
+        let described = DVector::from_fn(self.regressors, |i, _| scores_of(i));
+        let direction = |(index, (entry, prepared)): (usize, (&Entry, &Prepared))| {
+            if prepared.rank == 0 || entry.unit_amplitude {
+                return None;
+            }
+            let columns = entry.first..entry.first + entry.columns;
+            let places: Vec<usize> = columns.map(|column| block.place[column]).collect::<Option<_>>()?;
+            let mut scores = DVector::from_fn(entry.columns, |i, _| block.scores[places[i]]);
+            if self.regressors > 0 {
+                scores -= &prepared.projection * &described;
+            }
+            let eigen = prepared.inverse.clone().symmetric_eigen();
+            let roots = DMatrix::from_diagonal(&eigen.eigenvalues.map(|value| value.max(0.0).sqrt()));
+            let root = &eigen.eigenvectors * roots * eigen.eigenvectors.transpose();
+            let left: Vec<Vec<f32>> = (places.iter())
+                .map(|&place| {
+                    let mut sketch = block.sketches[place].clone();
+                    take_out(&mut sketch, &basis);
+                    let norm = block.product(place, place).max(0.0).sqrt() as f32;
+                    sketch.iter_mut().for_each(|value| *value *= norm);
+                    sketch
+                })
+                .collect();
+            let mixed = |row: usize| -> Vec<f32> {
+                let mut sum = vec![0.0_f32; left.first().map_or(0, Vec::len)];
+                for (column, sketch) in left.iter().enumerate() {
+                    let weight = root[(row, column)] as f32;
+                    sum.iter_mut().zip(sketch).for_each(|(sum, value)| *sum += weight * value);
+                }
+                sum
+            };
+            let sketches = (0..entry.columns).map(mixed).collect();
+            Some(Direction { entry: index, scores: &root * scores, sketches })
+        };
+        self.entries.par_iter().zip(&self.prepared).enumerate().filter_map(direction).collect()
+    }
+
     /// The distribution of the best candidate where nothing is hidden: whitened innovations are then independent
     /// standard normals, and the scores jointly normal with the columns' normal matrix.
     pub fn null_distribution(&self, candidates: &[Candidate]) -> NullDistribution {
@@ -385,6 +521,9 @@ fn signatures<'c>(
         let signature = match &candidate.search {
             Search::Linear(signature) => Cow::Borrowed(signature),
             Search::Grid { signature, .. } => Cow::Owned(signature(&entry.point)),
+            Search::Onset(_) => {
+                Cow::Owned(Signature { columns: columns(candidate, &entry.point, &model.time_s) })
+            }
             _ => Cow::Owned(Signature::default()),
         };
         if delays.is_empty() || !candidate.effect.is_of_the_motion() {
@@ -400,6 +539,22 @@ fn signatures<'c>(
 fn blocks_of(model: &Model, sensors: &[usize]) -> Vec<usize> {
     let has = |&index: &usize| model.blocks[index].sensors.iter().any(|sensor| sensors.contains(sensor));
     (0..model.blocks.len()).filter(has).collect()
+}
+
+/// Some of all onsets, s.
+fn onsets(shape: OnsetShape, time_s: &[f64]) -> Vec<Vec<f64>> {
+    let length_s = time_s.last().copied().unwrap_or_default();
+    // A drift may begin with the record, a step at that time is a constant.
+    let first = usize::from(shape == OnsetShape::Step);
+    (first..ONSETS).map(|place| vec![length_s * place as f64 / ONSETS as f64]).collect()
+}
+
+/// Takes what lies along orthonormal sketches out of one.
+fn take_out(sketch: &mut [f32], basis: &[Vec<f32>]) {
+    for along in basis {
+        let part = tiled_dot(sketch, along) as f32;
+        sketch.iter_mut().zip(along).for_each(|(value, along)| *value -= part * along);
+    }
 }
 
 /// Random signs.

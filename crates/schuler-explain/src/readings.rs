@@ -9,6 +9,7 @@
 //! - spikes: n readings that stand off from their neighbours on both sides: n C(N, n) Π 2Φ(−uᵢ), at the n that shows
 //!   most. u is the distance from the median of the neighbours, as many of them as make it spread least: few where the output
 //!   wanders, many where its noise is white.
+use nalgebra::DVector;
 use rayon::prelude::*;
 use schuler_recording::Recording;
 use schuler_recording::recording::SensorSeries;
@@ -16,6 +17,7 @@ use statrs::function::erf::erf;
 use statrs::function::gamma::ln_gamma;
 
 use crate::catalogue::ReadingFault;
+use crate::description::{Term, blocks_of, remainder};
 use crate::nominal::{Block, Model};
 use crate::statistics::ln_chi_squared_tail;
 
@@ -75,7 +77,42 @@ pub struct Fault {
 }
 
 /// Faults of all sensors, and the readings spoilt by them.
-pub fn faults(recording: &Recording, model: &Model) -> (Vec<Fault>, Vec<Vec<bool>>) {
+pub struct Faults {
+    /// The faults.
+    pub found: Vec<Fault>,
+    /// Whether a reading is spoilt, by sensor and row.
+    pub masked: Vec<Vec<bool>>,
+    /// The same but for spikes.
+    masked_without_spikes: Vec<Vec<bool>>,
+    /// Steps of the lattices that were found, by sensor.
+    steps: Vec<f64>,
+}
+
+impl Faults {
+    /// Takes the spikes back that do not stand off from what `terms` with their amplitudes describe: what an effect moves for one
+    /// reading, as a dead zone that is passed within a step, is none. `model` is that of all readings.
+    pub fn spikes_beside(&mut self, model: &Model, terms: &[Term], amplitudes: &DVector<f64>) {
+        for index in blocks_of(model, terms) {
+            let own = &model.blocks[index].sensors;
+            let is_own = |fault: &Fault| fault.fault == ReadingFault::Outliers && own.contains(&fault.sensor);
+            let before: Vec<usize> =
+                self.found.iter().filter(|fault| is_own(fault)).map(|fault| fault.sensor).collect();
+            if before.is_empty() {
+                continue;
+            }
+            let mut block = model.blocks[index].clone();
+            block.data = remainder(model, index, terms, amplitudes);
+            let left = spikes(model, &block, &self.steps, &self.masked_without_spikes);
+            self.found.retain(|fault| !is_own(fault));
+            self.found.extend(
+                left.into_iter().map(|(fault, _)| fault).filter(|fault| before.contains(&fault.sensor)),
+            );
+        }
+    }
+}
+
+/// Faults of all sensors, and the readings spoilt by them.
+pub fn faults(recording: &Recording, model: &Model) -> Faults {
     let of_sensors: Vec<(Vec<Fault>, Vec<bool>)> =
         (recording.sensors.par_iter().enumerate()).map(|(index, series)| of_itself(index, series)).collect();
     let (found, mut masked): (Vec<Vec<Fault>>, Vec<Vec<bool>>) = of_sensors.into_iter().unzip();
@@ -87,13 +124,14 @@ pub fn faults(recording: &Recording, model: &Model) -> (Vec<Fault>, Vec<Vec<bool
     // A sensor is in one block.
     let spikes: Vec<(Fault, Vec<usize>)> =
         model.blocks.par_iter().flat_map_iter(|block| spikes(model, block, &steps, &masked)).collect();
+    let masked_without_spikes = masked.clone();
     for (fault, rows) in spikes {
         for row in rows {
             masked[fault.sensor][row] = true;
         }
         found.push(fault);
     }
-    (found, masked)
+    Faults { found, masked, masked_without_spikes, steps }
 }
 
 /// What the readings of a sensor show alone, and the rows spoilt by it.

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use crate::catalogue::{Candidate, NoiseChange, OnsetShape, Search, Target};
 use crate::description::{Term, blocks_of, remainder};
-use crate::library::{Library, NullDistribution};
+use crate::library::{Entry, Library, NullDistribution, Pair, Purpose};
 use crate::minimise::{golden, simplex};
 use crate::noise_change::{ChangeFit, PromisedStart, View};
 use crate::price::Price;
@@ -31,6 +31,10 @@ const LONGEST_LIST: usize = 40;
 const CLOSE: f64 = 8.0;
 /// Evidence below which a candidate is not evaluated exactly.
 const LEAST_EVIDENCE: f64 = 1.0;
+/// Evidence that each of a pair must show beside the other.
+const LEAST_BESIDE: f64 = 4.0;
+/// Gain with which none of one degree of freedom shows that.
+const FURTHER: f64 = 2.5;
 /// Changes of noise are fitted exactly unless they promise less than this part of what the best of their block shows, by
 /// so many nats: Whittle's likelihood is not off by as much.
 const FAR_PART: f64 = 0.5;
@@ -133,9 +137,9 @@ impl Family {
     }
 }
 
-/// The library of all candidates under a bench.
-pub fn library(bench: &Bench<'_>, correlations: bool, wanted: &(dyn Fn(usize) -> bool + Sync)) -> Library {
-    Library::new(bench, correlations, wanted)
+/// The library of the `wanted` candidates under a bench.
+pub fn library(bench: &Bench<'_>, wanted: &(dyn Fn(usize) -> bool + Sync)) -> Library {
+    Library::new(bench, Purpose::Gains, wanted)
 }
 
 /// The best deterministic candidates under a bench, evaluated exactly, best first; `wanted` says which take part.
@@ -196,6 +200,35 @@ pub fn evaluate(bench: &Bench<'_>, promises: &mut [Promise], proposals: &mut Vec
     // A candidate with several promises stands by its best.
     let mut seen = std::collections::HashSet::new();
     proposals.retain(|proposal| seen.insert(proposal.term.candidate));
+}
+
+/// Pairs of `wanted` terms that promise to show more than `least` together, each of them something beside the other; best first.
+pub fn promising_pairs(
+    bench: &Bench<'_>,
+    family: &Family,
+    wanted: &(dyn Fn(usize) -> bool + Sync),
+    least: f64,
+) -> Vec<[Term; 2]> {
+    let (case, library) = (bench.case, Library::new(bench, Purpose::Pairs, wanted));
+    let cost = |entry: &Entry, gain: f64| {
+        let candidate = &case.candidates[entry.candidate];
+        let evidence = Price::of(candidate, entry.columns, family.ln_places(entry.candidate)).evidence(gain);
+        (evidence > LEAST_BESIDE).then_some(gain - evidence)
+    };
+    let shows = |pair: Pair| {
+        let [first, second] = pair.entries.map(|place| &library.entries[place]);
+        let of_first = cost(first, pair.gain - pair.alone[1])?;
+        let of_second = cost(second, pair.gain - pair.alone[0])?;
+        let shown = pair.gain - of_first - of_second;
+        (shown > least).then_some((shown, [first, second]))
+    };
+    let mut pairs: Vec<(f64, [&Entry; 2])> =
+        library.pairs(least, FURTHER).into_iter().filter_map(shows).collect();
+    pairs.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let term = |entry: &Entry| {
+        Term::new(entry.candidate, &case.candidates[entry.candidate], &entry.point, case.time_s)
+    };
+    pairs.into_iter().map(|(_, pair)| pair.map(term)).collect()
 }
 
 fn promises_of_library(candidates: &[Candidate], library: &Library, family: &Family) -> Vec<Promise> {

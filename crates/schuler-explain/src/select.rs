@@ -14,19 +14,21 @@
 //! values that fit best together. A search that would go on as the search from nothing did ends where it meets its way.
 //!
 //! All that has a budget of work ([`crate::budget`]): the search from nothing has two thirds of it, all others share what it leaves.
+use std::collections::HashSet;
+
 use rayon::prelude::*;
 
 use crate::budget::{Budget, of_round};
 use crate::catalogue::{Candidate, NoiseChange, Search, Target};
 use crate::description::{Term, blocks_of};
 use crate::jump::jumps;
-use crate::library::Library;
+use crate::library::{Library, Purpose};
 use crate::noise::Knob;
 use crate::noise_change::ChangeFit;
 use crate::noise_fit::whittle_jointly;
 use crate::nominal::Model;
 use crate::price::Price;
-use crate::search::{Family, Promise, Proposal, deterministic, evaluate, library, promises};
+use crate::search::{Family, Promise, Proposal, deterministic, evaluate, library, promises, promising_pairs};
 use crate::state::{Accepted, Bench, Case, State, refitted, refitted_above};
 use crate::watch::Phase;
 
@@ -36,6 +38,15 @@ pub const MOST_FINDINGS: usize = 32;
 const MOST_TERMS_FIRST: usize = 4;
 /// Part of the budget that the search from nothing leaves.
 const FOR_OTHERS: f64 = 1.0 / 3.0;
+/// Part of what that leaves which is for pairs of terms.
+const FOR_PAIRS: f64 = 0.2;
+/// Nats less than what they replace that pairs may promise, as more may be found beside them.
+const PAIR_BEHIND: f64 = 5.0;
+/// Pairs that are fitted in the place of the same items, and those of them from which the search goes on.
+const PAIRS_TRIED: usize = 8;
+const PAIRS_FOLLOWED: usize = 2;
+/// Nats by which a description by way of a pair must be the better one: it is the best of many.
+const WORTH_A_PAIR: f64 = 2.0;
 /// Rounds, those that take something back included.
 const MOST_ROUNDS: usize = 2 * MOST_FINDINGS;
 /// Findings in whose number the progress is told, as it is not known how many there will be.
@@ -100,7 +111,7 @@ enum Move {
 pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c> {
     let start = unknown_structure(case, start.clone());
     let (null, bench) = refitted(case, &start, None);
-    let whole = library(&bench, true, &|_| true);
+    let whole = Library::new(&bench, Purpose::NullDistribution, &|_| true);
     let family = Family::new(case.candidates, &whole);
     let first = Promised::new(&bench, &whole, &family);
     drop((bench, whole));
@@ -118,6 +129,7 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
     let Walked { found, visited, .. } = from_nothing(Way::Best, &[], &mut budget);
     let straight = valued(found, &mut budget);
     let mut budget = budget.with(aside);
+    let mut for_pairs = budget.set_aside(FOR_PAIRS);
     // From another description, pruned.
     let from = |start: State, prices: Vec<Price>, way: Way, budget: &mut Budget| {
         let (start, bench, prices) = pruned(case, start, prices, &family, ln_level);
@@ -166,11 +178,117 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
         (found, budget.exceeded)
     };
     let (found, exceeded): (Vec<_>, Vec<bool>) = others.into_par_iter().map(searched).unzip();
-    let exceeded = budget.exceeded || exceeded.contains(&true);
-    let (_, (state, bench, prices)) =
+    let mut exceeded = budget.exceeded || exceeded.contains(&true);
+    let mut best =
         found.into_iter().flatten().fold(straight, |best, other| if other.0 > best.0 { other } else { best });
+    for source in 0..case.model.sources.len() {
+        for (start, prices) in pairs_instead(case, &best.1, source, &family, ln_level, &mut for_pairs) {
+            let walked = from(start, prices, Way::Best, &mut for_pairs);
+            if walked.joined {
+                continue;
+            }
+            let other = valued(walked.found, &mut for_pairs);
+            if other.0 > best.0 + WORTH_A_PAIR {
+                best = other;
+            }
+        }
+    }
+    exceeded |= for_pairs.exceeded;
+    let (_, (state, bench, prices)) = best;
     let shown = shown_up_to(case, &state, &prices, &family, f64::INFINITY);
     Selection { state, bench, family, shown, null, exceeded }
+}
+
+/// Descriptions in which what was found of a source, or one item of it, is replaced by two terms that promise as much together.
+///
+/// A search that takes one term at a time may take one that looks like the sum of two, beside which neither shows: a lag for a constant
+/// and a drift, slow noise for a warm-up and a temperature.
+fn pairs_instead(
+    case: &Case<'_>,
+    (state, _, prices): &Found<'_>,
+    source: usize,
+    family: &Family,
+    ln_level: f64,
+    budget: &mut Budget,
+) -> Vec<Start> {
+    let origin = &case.model.sources[source];
+    let is_of_source = |candidate: usize| {
+        let candidate = &case.candidates[candidate];
+        candidate.target == Target::Sensor(origin.sensor) && candidate.port == origin.port
+    };
+    let terms = (0..state.terms.len()).filter(|&place| is_of_source(state.terms[place].candidate));
+    let changes = (0..state.changes.len()).filter(|&place| state.changes[place].source == source);
+    let items: Vec<Item> = terms.map(Item::Term).chain(changes.map(Item::Change)).collect();
+    let mut replaced: Vec<Vec<Item>> = items.iter().map(|&item| vec![item]).collect();
+    if items.len() > 1 {
+        replaced.push(items);
+    }
+    let blocks: Vec<usize> = (0..case.model.blocks.len())
+        .filter(|&block| case.model.blocks[block].sources.contains(&source))
+        .collect();
+    let mut starts = Vec::new();
+    for items in replaced {
+        if case.watch.is_cancelled() || !budget.affords(of_round(case, state, &blocks)) {
+            break;
+        }
+        let all = shown(case, state, prices, family);
+        let cost = |(_, shown): &(Item, Shown)| shown.gain - shown.evidence;
+        let costs: f64 = all.iter().filter(|(item, _)| items.contains(item)).map(cost).sum();
+        let (mut less, mut less_prices) = (state.clone(), prices.clone());
+        // The last first, so that the places of the others stay.
+        for &item in items.iter().rev() {
+            less = taken_out(case, &less, item);
+            if let Item::Term(place) = item {
+                less_prices.remove(place);
+            }
+        }
+        let (less, bench) = refitted(case, &less, Some(&blocks));
+        let shown_by_them = state.log_likelihood - less.log_likelihood - costs;
+        let least = shown_by_them - PAIR_BEHIND;
+        let mut pairs = promising_pairs(&bench, family, &is_of_source, least);
+        let mut seen = HashSet::new();
+        pairs.retain(|pair| seen.insert(pair.each_ref().map(|term| term.candidate)));
+        pairs.truncate(PAIRS_TRIED);
+        let exact = |pair: [Term; 2]| with_pair(case, &less, &less_prices, pair, family, ln_level);
+        let mut exact: Vec<(f64, Start)> = pairs.into_par_iter().filter_map(exact).collect();
+        exact.retain(|(shown, _)| *shown > least);
+        exact.sort_by(|a, b| b.0.total_cmp(&a.0));
+        starts.extend(exact.into_iter().take(PAIRS_FOLLOWED).map(|(_, start)| start));
+    }
+    starts
+}
+
+/// A description with two more terms, each at its best and significant beside the other, and what they show together.
+fn with_pair(
+    case: &Case<'_>,
+    less: &State,
+    prices: &[Price],
+    [first, second]: [Term; 2],
+    family: &Family,
+    ln_level: f64,
+) -> Option<(f64, Start)> {
+    let at_its_best = |term: &Term, beside: &Term| {
+        let mut with = less.clone();
+        with.terms.push(beside.clone());
+        let bench = Bench::new(case, &with.terms, &with.noises);
+        let wanted = |candidate: usize| candidate == term.candidate;
+        deterministic(&bench, &library(&bench, &wanted), family, &wanted).into_iter().next()
+    };
+    let second = at_its_best(&second, &first)?;
+    let first = at_its_best(&first, &second.term)?;
+    let is_significant = |proposal: &Proposal| {
+        family.ln_p(&case.candidates[proposal.term.candidate], proposal.evidence) <= ln_level
+    };
+    if !(is_significant(&first) && is_significant(&second)) {
+        return None;
+    }
+    let cost = first.gain - first.evidence + second.gain - second.evidence;
+    let (mut with, mut prices) = (less.clone(), prices.to_vec());
+    for proposal in [first, second] {
+        add_term(&mut with, &mut prices, proposal);
+    }
+    let (with, _) = refitted(case, &with, None);
+    Some((with.log_likelihood - less.log_likelihood - cost, (with, prices)))
 }
 
 /// What a round takes.
@@ -250,7 +368,7 @@ impl Promised {
     fn renew(&mut self, bench: &Bench<'_>, family: &Family, touched: &(dyn Fn(usize) -> bool + Sync)) {
         self.promises.retain(|promise| !touched(promise.candidate));
         self.proposals.retain(|proposal| !touched(proposal.term.candidate));
-        self.promises.extend(promises(bench, &library(bench, false, touched), family, touched));
+        self.promises.extend(promises(bench, &library(bench, touched), family, touched));
         self.proposals.extend(jumps(bench, touched));
         evaluate(bench, &mut self.promises, &mut self.proposals);
     }
@@ -274,6 +392,9 @@ struct Walked<'c> {
     /// Whether it ended where it would have gone on as the search from nothing did.
     joined: bool,
 }
+
+/// A description and the prices of its terms.
+type Start = (State, Vec<Price>);
 
 /// A description, whitened, and the prices of its terms.
 type Found<'c> = (State, Bench<'c>, Vec<Price>);
@@ -431,7 +552,7 @@ fn swallowed(case: &Case<'_>, state: &State, bench: &Bench<'_>, family: &Family)
     let mut tried: Vec<Proposal> = Vec::new();
     for &block in &blocks {
         let touched = |candidate: usize| touches(case, candidate, &[block]);
-        let shown = deterministic(&nominal, &library(&nominal, false, &touched), family, &touched);
+        let shown = deterministic(&nominal, &library(&nominal, &touched), family, &touched);
         for proposal in shown.into_iter().take(TRIED_TOGETHER) {
             if tried.iter().all(|other| other.term.candidate != proposal.term.candidate) {
                 tried.push(proposal);
@@ -640,7 +761,7 @@ fn choose(
         if strongest.is_some_and(is_the_term) {
             return Vec::new();
         }
-        let beside = deterministic(&noisy_bench, &library(&noisy_bench, false, &touched), family, &touched);
+        let beside = deterministic(&noisy_bench, &library(&noisy_bench, &touched), family, &touched);
         let under_nominal = proposals.iter().filter(|proposal| touched(proposal.term.candidate)).cloned();
         let mut tried: Vec<Proposal> = Vec::new();
         for proposal in beside.into_iter().take(TRIED_TOGETHER).chain(under_nominal.take(TRIED_TOGETHER)) {

@@ -44,10 +44,23 @@ pub fn inertial_rate(
 ) -> Columns {
     let time_s = &*sampling_times(time_s);
     let attitudes: Vec<Option<Rotation3<f64>>> = rows(attitude_rad).map(|row| row.map(rotation)).collect();
+    let quotient = |row: usize, other: usize| Some(get(&attitudes, row)?.inverse() * get(&attitudes, other)?);
+    let between = |row: usize, other: usize| Some(time_s.get(other)? - time_s.get(row)?);
+    // Beside a steady turn at the rate of a row's neighbours, so that the far ones need not be within half a turn: the rate of
+    // exp(−Ωτ/2) R(0)ᵀR(τ) exp(−Ωτ/2) at τ = 0 is that of R less Ω, whatever Ω is.
+    let steady: Vec<Option<Vector3<f64>>> = (0..time_s.len())
+        .map(|row| {
+            let (before, after) = (row.checked_sub(1)?, row + 1);
+            let turn = turned_by(&quotient(row, after)?) - turned_by(&quotient(row, before)?);
+            Some(turn / between(before, after)?)
+        })
+        .collect();
     // No further than the logarithm is nearly the angle.
     let turned = |row: usize, other: usize| {
-        let turn = turned_by(&(get(&attitudes, row)?.inverse() * get(&attitudes, other)?));
-        (row.abs_diff(other) == 1 || turn.norm() < FARTHEST_TURN).then_some(turn)
+        let steady = get(&steady, row)? * between(row, other)?;
+        let half = Rotation3::new(-0.5 * steady);
+        let turn = turned_by(&(half * quotient(row, other)? * half));
+        (row.abs_diff(other) == 1 || turn.norm() < FARTHEST_TURN).then(|| turn + steady)
     };
     let turn_rates = derivatives(time_s, turned, purpose);
     columns(time_s.len(), |row| {
@@ -123,7 +136,7 @@ fn get<T: Copy>(values: &[Option<T>], row: usize) -> Option<T> {
 const WIDEST: usize = 8;
 /// Most of the difference by which noise is judged.
 const WIDEST_DIFFERENCE: usize = 12;
-/// Turn of a neighbour, but the nearest, that is still used, rad.
+/// Turn of a neighbour, but the nearest, beside a steady one that is still used, rad.
 const FARTHEST_TURN: f64 = 1.0;
 /// About as many rows say which order is best.
 const SAMPLED_ROWS: usize = 20_000;
@@ -354,6 +367,26 @@ mod tests {
             let ned = start * Rotation3::new(rate * *time);
             let expected = rate + ned.inverse() * earth::rotation_ned(LATITUDE);
             assert!((vector(&found, row).unwrap() - expected).norm() < 1e-9, "row {row}");
+        }
+    }
+
+    /// A table that turns by 1.2 rad a step, faster and slower, while it tilts: neighbours further than two are more than half a turn away.
+    #[test]
+    fn a_fast_spin_has_the_rate_of_its_instant() {
+        let time_s = times(400);
+        let slow = 0.8;
+        let yaw = |t: f64| 12.0 * t + 1.5 * (slow * t).sin();
+        let pitch = |t: f64| 0.3 * (0.5 * slow * t).cos();
+        let column = |of: &dyn Fn(f64) -> f64| -> Vec<f64> { time_s.iter().map(|&t| of(t)).collect() };
+        let wrapped = |t: f64| yaw(t).sin().atan2(yaw(t).cos());
+        let attitude = [vec![0.0; 400], column(&pitch), column(&wrapped)];
+        let found = inertial_rate(&time_s, &attitude, None, LATITUDE, 0.0, Use::Prediction);
+        for (row, &t) in time_s.iter().enumerate().take(390).skip(10) {
+            let (turn, tilt) = (12.0 + 1.5 * slow * (slow * t).cos(), -0.15 * slow * (0.5 * slow * t).sin());
+            let own = Vector3::new(-turn * pitch(t).sin(), tilt, turn * pitch(t).cos());
+            let expected = own + body_to_ned(0.0, pitch(t), yaw(t)).inverse() * earth::rotation_ned(LATITUDE);
+            let off = (vector(&found, row).unwrap() - expected).norm();
+            assert!(off < 2e-7, "row {row}: {off}");
         }
     }
 
