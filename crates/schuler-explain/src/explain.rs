@@ -304,14 +304,16 @@ fn shift_by_rounding(step: f64, white: f64) -> f64 {
     step * harmonics.sum::<f64>().min(0.5)
 }
 
-/// Whether a candidate is about the noise of an output that is clipped or coarse: what is left of it then is not what
-/// the sensor's noise was.
+/// Whether a candidate is about the noise, or a mean that comes and goes, of an output that is clipped or coarse: what is left of it
+/// then is not what the sensor's noise was, and readings of a few levels have a mean for each.
 fn is_spoilt(candidate: &Candidate, faults: &[Fault]) -> bool {
     let spoils = |fault: &Fault| {
         matches!(fault.fault, ReadingFault::Saturated | ReadingFault::Quantised)
             && sensors_of(candidate).contains(&fault.sensor)
     };
-    matches!(candidate.search, Search::Noise(_)) && faults.iter().any(spoils)
+    let of_noise =
+        matches!(candidate.search, Search::Noise(_) | Search::Readings(ReadingFault::IntermittentJump));
+    of_noise && faults.iter().any(spoils)
 }
 
 /// Whether readings lie on a lattice because the angle whose difference they are is rounded: neighbours' errors are then

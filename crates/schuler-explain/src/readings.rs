@@ -37,8 +37,9 @@ const FEWEST_LEVELS: usize = 12;
 const LEAST_STEP: f64 = 1.0;
 /// A lattice is coarser than nominal by at least this factor.
 const COARSER: f64 = 1.5;
-/// Fewest different readings that show a lattice: two lie on one anyhow.
+/// Fewest different readings that show a lattice: two lie on one anyhow, and show it if they come again so often.
 const FEWEST_OF_LATTICE: usize = 3;
+const FEWEST_CROSSINGS: usize = 20;
 /// Most levels from the least to the largest reading: with more, the digits of a table are a lattice.
 const MOST_LEVELS: f64 = 1e5;
 /// Largest number of steps between readings off a lattice, as a part of the step.
@@ -309,11 +310,14 @@ fn held_once(values: &[f64], ends: &[f64]) -> Vec<f64> {
 /// Whether the lattice on which all readings lie is coarser than nominal and than the noise.
 fn coarse(sensor: usize, values: &[f64], lattice: Lattice, nominal: f64, white: f64) -> Option<Fault> {
     let Lattice { step, levels } = lattice;
-    (levels >= FEWEST_OF_LATTICE && step > COARSER * nominal && step >= LEAST_STEP * white).then(|| Fault {
+    let finite: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
+    let crossings = finite.windows(2).filter(|pair| pair[0] != pair[1]).count();
+    let is_lattice = levels >= FEWEST_OF_LATTICE || crossings >= FEWEST_CROSSINGS;
+    (is_lattice && step > COARSER * nominal && step >= LEAST_STEP * white).then(|| Fault {
         sensor,
         fault: ReadingFault::Quantised,
         // Each reading has fallen into the tolerance about the lattice.
-        evidence: values.iter().filter(|value| value.is_finite()).count() as f64,
+        evidence: finite.len() as f64,
         rows: (0, values.len()),
         parameters: vec![("step", step, true)],
     })

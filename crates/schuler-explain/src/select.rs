@@ -45,7 +45,7 @@ const PAIR_BEHIND: f64 = 5.0;
 /// Pairs that are fitted in the place of the same items, and those of them from which the search goes on.
 const PAIRS_TRIED: usize = 8;
 const PAIRS_FOLLOWED: usize = 2;
-/// Nats by which a description by way of a pair must be the better one: it is the best of many.
+/// Nats by which another description by way of a pair must be the better one: it is the best of many.
 const WORTH_A_PAIR: f64 = 2.0;
 /// Rounds, those that take something back included.
 const MOST_ROUNDS: usize = 2 * MOST_FINDINGS;
@@ -188,7 +188,9 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
                 continue;
             }
             let other = valued(walked.found, &mut for_pairs);
-            if other.0 > best.0 + WORTH_A_PAIR {
+            // What only adds to the other would have to be significant beside it.
+            let least = if extends(&other.1.0, &best.1.0) { -ln_level } else { WORTH_A_PAIR };
+            if other.0 > best.0 + least {
                 best = other;
             }
         }
@@ -661,6 +663,14 @@ fn identity(state: &State) -> (Vec<usize>, Vec<usize>) {
     terms.sort_unstable();
     changes.sort_unstable();
     (terms, changes)
+}
+
+/// Whether a state holds all candidates of another.
+fn extends(state: &State, other: &State) -> bool {
+    let (terms, changes) = identity(state);
+    let (other_terms, other_changes) = identity(other);
+    other_terms.iter().all(|term| terms.contains(term))
+        && other_changes.iter().all(|change| changes.contains(change))
 }
 
 /// The blocks whose description differs.

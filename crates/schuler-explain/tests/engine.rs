@@ -477,6 +477,13 @@ fn faults_in_readings_are_named_and_do_not_breed() {
         }
         values
     });
+    // Two levels that come again and again.
+    assert_named("coarse", |_, mut values| {
+        for value in &mut values {
+            *value = if *value < -0.5 { -2.5 } else { 2.5 };
+        }
+        values
+    });
     assert_named("jumps", |seed, values| {
         let start = 100.0 + seed as f64;
         with(values, |time| if (time - start).rem_euclid(500.0) < 120.0 { 5.0 } else { 0.0 })
@@ -924,4 +931,45 @@ fn a_constant_is_not_called_what_holds_it_as_a_part() {
         }
     }
     assert!((10..100).contains(&named), "{named} of 123");
+}
+
+/// A constant and a drift beside which a decay shows nothing, nor they beside it: what takes one at a time takes the decay.
+#[test]
+fn two_effects_that_a_third_imitates_are_told_as_two() {
+    const TRIALS: u64 = 24;
+    let length = ROWS as f64;
+    let times: Vec<f64> = (0..ROWS).map(|row| row as f64).collect();
+    let of = |value: &dyn Fn(f64) -> f64| times.iter().map(|&time| value(time)).collect::<Vec<f64>>();
+    let right = (0..TRIALS)
+        .into_par_iter()
+        .filter(|&seed| {
+            let scale = std::env::var("SCALE").map_or(8.0, |s| s.parse().unwrap());
+            let values = with(noise(51_000 + seed, ROWS), |time| scale * (time / length - 0.8));
+            let recording = recording(vec![values]);
+            let inputs = Inputs::new(&recording);
+            let mut all = candidates(ROWS, 1);
+            all.push(candidate(&CONSTANT, 0, Search::Linear(signature(0, vec![1.0; ROWS]))));
+            let decay = Search::Grid {
+                parameters: vec![Nonlinear {
+                    name: "tau_s",
+                    unit: "s",
+                    grid: vec![100.0, 200.0, 400.0, 800.0, 1600.0],
+                }],
+                signature: Box::new(move |point| {
+                    signature(0, (0..ROWS).map(|row| (-(row as f64) / point[0]).exp()).collect())
+                }),
+                unit_amplitude: false,
+            };
+            all.push(candidate(&WARM, 0, decay));
+            let answer =
+                explain_with(&inputs, all, &Options { hold_out: false, ..Options::default() }).unwrap();
+            let mut names: Vec<String> = answer.findings.into_iter().map(|finding| finding.effect).collect();
+            names.sort();
+            let right = names == ["constant", "trend"];
+            println!("{seed}: {names:?}");
+            right
+        })
+        .count();
+    let _ = of;
+    println!("{right} of {TRIALS}");
 }
