@@ -600,6 +600,8 @@ struct OfEntry {
     columns: Vec<usize>,
     /// Products of each with those up to itself.
     among: Vec<Vec<f64>>,
+    /// Their sketches, once they were asked for.
+    sketches: Option<Arc<Vec<Vec<f32>>>>,
     /// Products of each with what is described, by its place in [`Known::described`].
     with: HashMap<usize, Vec<f64>>,
 }
@@ -624,9 +626,10 @@ impl Products {
     /// Adds to what is known of entries, to which another search may have added meanwhile.
     fn learn(&self, entries: &[&Entry], products: Vec<OfEntry>) {
         let all = &mut self.known().entries;
-        for (entry, OfEntry { columns, among, with }) in entries.iter().zip(products) {
+        for (entry, OfEntry { columns, among, sketches, with }) in entries.iter().zip(products) {
             let known = all.entry((entry.candidate, entry.number)).or_default();
             (known.columns, known.among) = (columns, among);
+            known.sketches = sketches.or(known.sketches.take());
             known.with.extend(with);
         }
     }
@@ -709,12 +712,12 @@ impl<'b> Builder<'b> {
         let known = self.products.known();
         let of_entry = known.entries.get(&(entry.candidate, entry.number));
         let all = |of: &OfEntry| self.described.iter().all(|place| of.with.contains_key(place));
-        self.signs.is_empty() && of_entry.is_some_and(all)
+        of_entry.is_some_and(|of| self.is_sketched(of) && all(of))
     }
 
-    /// Takes what is known of entries.
-    fn recall(&mut self, entries: &[&Entry]) {
-        self.take_known(entries, Vec::new());
+    /// Whether an entry has the sketches that are asked for.
+    fn is_sketched(&self, of_entry: &OfEntry) -> bool {
+        self.signs.is_empty() || of_entry.sketches.is_some()
     }
 
     /// Takes entries with their signatures, which are whitened and multiplied where that was not done before.
@@ -731,7 +734,7 @@ impl<'b> Builder<'b> {
             let all = self.products.known();
             entries.iter().map(|entry| all.entries.get(&(entry.candidate, entry.number)).cloned()).collect()
         };
-        let asked = |known: &Option<OfEntry>| known.is_none() || !self.signs.is_empty();
+        let asked = |known: &Option<OfEntry>| !known.as_ref().is_some_and(|known| self.is_sketched(known));
         let unknown: Vec<&[f64]> = (reached.iter().zip(&known).filter(|(_, known)| asked(known)))
             .flat_map(|(columns, _)| columns.iter().map(|(_, values)| values.as_ref()))
             .collect();
@@ -745,41 +748,45 @@ impl<'b> Builder<'b> {
                 whitened.by_ref().take(number).collect()
             })
             .collect();
-        let (products, sketches): (Vec<OfEntry>, Vec<Vec<Vec<f32>>>) = ((&reached, known, own)
-            .into_par_iter())
-        .map(|(columns, known, own)| {
-            let of = |place: usize| -> Vec<f64> {
-                own[..=place].iter().map(|other| tiled_dot(&own[place], other)).collect()
-            };
-            let mut products = known.unwrap_or_else(|| OfEntry {
-                columns: columns.iter().map(|(place, _)| *place).collect(),
-                among: (0..own.len()).map(of).collect(),
-                with: HashMap::new(),
-            });
-            for (number, place) in self.described.iter().enumerate() {
-                let with = || columns.iter().map(|(_, values)| dot(values, self.adjoint(number))).collect();
-                products.with.entry(*place).or_insert_with(with);
-            }
-            (products, own.iter().map(|column| sketch(column, self.signs)).collect())
-        })
-        .unzip();
+        let products: Vec<OfEntry> = ((&reached, known, own).into_par_iter())
+            .map(|(columns, known, own)| {
+                let of = |place: usize| -> Vec<f64> {
+                    own[..=place].iter().map(|other| tiled_dot(&own[place], other)).collect()
+                };
+                let is_asked = asked(&known);
+                let mut products = known.unwrap_or_else(|| OfEntry {
+                    columns: columns.iter().map(|(place, _)| *place).collect(),
+                    among: (0..own.len()).map(of).collect(),
+                    ..OfEntry::default()
+                });
+                if is_asked && !self.signs.is_empty() {
+                    let sketches = own.iter().map(|column| sketch(column, self.signs)).collect();
+                    products.sketches = Some(Arc::new(sketches));
+                }
+                for (number, place) in self.described.iter().enumerate() {
+                    let with =
+                        || columns.iter().map(|(_, values)| dot(values, self.adjoint(number))).collect();
+                    products.with.entry(*place).or_insert_with(with);
+                }
+                products
+            })
+            .collect();
         self.products.learn(entries, products);
-        self.take_known(entries, sketches);
+        self.recall(entries);
     }
 
-    /// Takes entries whose products are known, with the sketches of their columns, if there are any.
-    fn take_known(&mut self, entries: &[&Entry], sketches: Vec<Vec<Vec<f32>>>) {
+    /// Takes entries whose products are known.
+    fn recall(&mut self, entries: &[&Entry]) {
         let products = Arc::clone(&self.products);
         let known = products.known();
-        let mut sketches = sketches.into_iter();
         for entry in entries {
-            let mut sketches = sketches.next().unwrap_or_default().into_iter();
             let Some(of_entry) = known.entries.get(&(entry.candidate, entry.number)) else { continue };
             for (own, (place, among)) in of_entry.columns.iter().zip(&of_entry.among).enumerate() {
                 let mut with = self.described.iter().map(|place| of_entry.with[place][own]);
                 let score = with.next().unwrap_or_default();
                 let with = with.collect();
-                let sketch = sketches.next().unwrap_or_default();
+                let of_all = of_entry.sketches.as_ref().filter(|_| !self.signs.is_empty());
+                let sketch = of_all.and_then(|all| all.get(own).cloned()).unwrap_or_default();
                 self.push(entry.first + place, score, with, among.clone(), sketch);
             }
         }
