@@ -200,6 +200,10 @@ def gravity_anomaly(rng):
     shapes = {i.name: -(np.array(i.axis) @ down) for i in case.instruments}
     sensor = "accelerometers" if len(case.instruments) > 1 else case.instruments[0].name
     case.hide(sensor, "gravity_anomaly", shapes, target(rng), rng=rng, also=("bias_constant",))
+    # Where one of them stands upright and the others lie level, it is a constant of that one.
+    felt = [name for name, shape in shapes.items() if np.abs(shape).max() > 1e-3]
+    if len(felt) == 1:
+        case.effects[-1]["also_at"] = [[felt[0], "bias_constant"]]
     return case
 
 

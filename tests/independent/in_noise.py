@@ -58,7 +58,7 @@ def noise_exp_cos(rng):
     case, sensor = prepared(rng, "A resonance in the noise")
     wanted = target(rng) + 20
     sensor.nominal = Noise(white=sensor.nominal.white)
-    alpha = 1 / log_uniform(rng, 30 * case.step_s, case.t[-1] / 60)
+    alpha = 1 / log_uniform(rng, 30 * case.step_s, max(case.t[-1] / 60, 60 * case.step_s))
     beta = alpha * log_uniform(rng, 2.5, 15.0)
     if beta * case.step_s > 1.5:
         beta = 1.5 / case.step_s

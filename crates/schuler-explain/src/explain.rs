@@ -21,7 +21,9 @@ use crate::nominal::{FEWEST_ROWS, Model};
 use crate::readings::{Fault, OFF_LATTICE, faults, lattice};
 use crate::refit::parameters;
 use crate::search::Family;
-use crate::select::{Item, MOST_FINDINGS, Selection, Shown, add_change, refine_terms, select, without};
+use crate::select::{
+    Item, MOST_FINDINGS, Selection, Shown, add_change, evidence_of, refine_terms, select, without,
+};
 use crate::sentence::sentence;
 use crate::state::{Bench, Case, State, refitted};
 use crate::watch::{Phase, Unwatched, Watch};
@@ -37,6 +39,9 @@ const THERMAL_FORM: f64 = 0.1;
 /// What is said where the search ended at its budget of work.
 const EXCEEDED: &str = "the search ended at its budget of work: there may be more to find, and what was found may look like more \
                         than is said";
+
+/// The effect of an angle that is counted in steps.
+const ANGLE_QUANTISATION: &str = "noise_angle_quantisation";
 
 /// What may be chosen.
 #[derive(Clone, Copy, Debug)]
@@ -213,6 +218,7 @@ fn explained<S>(
     notes.extend(model.notes.iter().cloned());
     notes.extend(set_remainders_aside(&mut findings, recording));
     notes.extend(set_rounding_aside(&mut findings, recording, &faults.found));
+    notes.extend(set_angles_aside(&mut findings, recording, &of_angle));
     if many {
         notes.push(format!("the search ended at {MOST_FINDINGS} findings; there may be more"));
     }
@@ -288,6 +294,41 @@ fn set_rounding_aside(findings: &mut Vec<Finding>, recording: &Recording, faults
         notes.push(format!(
             "{}: a constant of {value:.3e} is no more than what rounding leaves of readings that seldom cross a step",
             finding.sensor
+        ));
+        false
+    });
+    notes
+}
+
+/// Takes away what is said of the noise beside a coarsely counted angle, as far as it is no larger than the counts, and says so: the errors
+/// of counts are white only where the angle moves by many of them from one reading to the next. `of_angle` names the sensors whose
+/// readings lie on the lattice of an angle.
+fn set_angles_aside(findings: &mut Vec<Finding>, recording: &Recording, of_angle: &[usize]) -> Vec<String> {
+    let sigma = |finding: &Finding| {
+        let parameter = finding.parameters.iter().find(|parameter| parameter.name == "sigma")?;
+        Some((parameter.value?, parameter.unit.clone()?))
+    };
+    let of_sensors: Vec<&str> = (of_angle.iter())
+        .filter_map(|&sensor| Some(recording.sensors.get(sensor)?.sensor.id.as_str()))
+        .collect();
+    let counted: Vec<(String, (f64, String))> = (findings.iter())
+        .filter(|finding| {
+            finding.effect == ANGLE_QUANTISATION && of_sensors.contains(&finding.sensor.as_str())
+        })
+        .filter_map(|finding| Some((finding.sensor.clone(), sigma(finding)?)))
+        .collect();
+    let mut notes = Vec::new();
+    findings.retain(|finding| {
+        let counts = counted.iter().find(|(sensor, _)| *sensor == finding.sensor);
+        let is_less = counts.is_some_and(|(_, (counts, unit))| {
+            sigma(finding).is_some_and(|(sigma, of)| of == *unit && sigma < *counts)
+        });
+        if !is_less || !finding.effect.starts_with("noise_") || finding.effect == ANGLE_QUANTISATION {
+            return true;
+        }
+        notes.push(format!(
+            "{}: {} is no larger than the counts of the angle, whose errors come again as the angle does",
+            finding.sensor, finding.effect
         ));
         false
     });
@@ -590,6 +631,7 @@ fn shown_now(
         Some(way) => way.price.evidence(gain),
         None => (shown.evidence - (shown.gain - gain).max(0.0)).max(0.0),
     };
+    let evidence = evidence_of(&selection.bench, *item, evidence);
     let ln_p = selection.family.ln_p(&case.candidates[own], evidence);
     (Shown { gain, evidence, ln_p }, less)
 }

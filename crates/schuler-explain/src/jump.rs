@@ -81,6 +81,20 @@ pub fn jumps(bench: &Bench<'_>, wanted: &(dyn Fn(usize) -> bool + Sync)) -> Vec<
     places.par_iter().filter_map(|place| place.jump(bench)).collect()
 }
 
+/// What the jumps that a term describes show beside all others, under the noises as they are: the history that is given was made from the
+/// readings, and would show what noise that came later describes as well. None for a term of another kind.
+pub fn shown_beside(bench: &Bench<'_>, term: &Term) -> Option<f64> {
+    let candidate = bench.case.candidates.get(term.candidate)?;
+    if !matches!(candidate.search, Search::Readings(ReadingFault::IntermittentJump)) {
+        return None;
+    }
+    let others: Vec<Term> =
+        bench.terms.iter().filter(|other| other.candidate != term.candidate).cloned().collect();
+    let less = Bench::new(bench.case, &others, &bench.noises);
+    let found = jumps(&less, &|candidate| candidate == term.candidate);
+    Some(found.first().map_or(0.0, |proposal| proposal.evidence))
+}
+
 /// Where jumps are sought.
 struct Place {
     candidate: usize,

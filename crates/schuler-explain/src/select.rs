@@ -21,7 +21,7 @@ use rayon::prelude::*;
 use crate::budget::{Budget, of_round};
 use crate::catalogue::{Candidate, NoiseChange, Search, Target};
 use crate::description::{Term, blocks_of};
-use crate::jump::jumps;
+use crate::jump::{jumps, shown_beside};
 use crate::library::{Library, Purpose};
 use crate::noise::Knob;
 use crate::noise_change::ChangeFit;
@@ -915,6 +915,15 @@ fn shown(case: &Case<'_>, state: &State, prices: &[Price], family: &Family) -> V
     shown_up_to(case, state, prices, family, BEYOND_DOUBT)
 }
 
+/// The evidence of an item of a description that shows so much by its gain.
+pub fn evidence_of(bench: &Bench<'_>, item: Item, by_gain: f64) -> f64 {
+    let of_jumps = |place: usize| shown_beside(bench, bench.terms.get(place)?);
+    match item {
+        Item::Term(place) => of_jumps(place).map_or(by_gain, |evidence| evidence.min(by_gain)),
+        Item::Change(_) => by_gain,
+    }
+}
+
 /// The same, exact for what gains less than `doubtful` nats above the price of its search.
 fn shown_up_to(
     case: &Case<'_>,
@@ -925,6 +934,7 @@ fn shown_up_to(
 ) -> Vec<(Item, Shown)> {
     let terms = (0..state.terms.len()).map(Item::Term);
     let items = terms.chain((0..state.changes.len()).map(Item::Change));
+    let bench = Bench::new(case, &state.terms, &state.noises);
     items
         .map(|item| {
             let (candidate, price) = match item {
@@ -937,7 +947,7 @@ fn shown_up_to(
             let least = state.log_likelihood - price.ln_places - doubtful;
             let (less, _) = refitted_above(case, &taken_out(case, state, item), None, least);
             let gain = state.log_likelihood - less.log_likelihood;
-            let evidence = price.evidence(gain);
+            let evidence = evidence_of(&bench, item, price.evidence(gain));
             (item, Shown { gain, evidence, ln_p: family.ln_p(&case.candidates[candidate], evidence) })
         })
         .collect()

@@ -933,43 +933,45 @@ fn a_constant_is_not_called_what_holds_it_as_a_part() {
     assert!((10..100).contains(&named), "{named} of 123");
 }
 
-/// A constant and a drift beside which a decay shows nothing, nor they beside it: what takes one at a time takes the decay.
+/// A constant and a drift that a slow decay imitates: what takes one term at a time takes the decay, beside which neither shows.
 #[test]
 fn two_effects_that_a_third_imitates_are_told_as_two() {
     const TRIALS: u64 = 24;
     let length = ROWS as f64;
-    let times: Vec<f64> = (0..ROWS).map(|row| row as f64).collect();
-    let of = |value: &dyn Fn(f64) -> f64| times.iter().map(|&time| value(time)).collect::<Vec<f64>>();
-    let right = (0..TRIALS)
-        .into_par_iter()
-        .filter(|&seed| {
-            let scale = std::env::var("SCALE").map_or(8.0, |s| s.parse().unwrap());
-            let values = with(noise(51_000 + seed, ROWS), |time| scale * (time / length - 0.8));
-            let recording = recording(vec![values]);
-            let inputs = Inputs::new(&recording);
-            let mut all = candidates(ROWS, 1);
-            all.push(candidate(&CONSTANT, 0, Search::Linear(signature(0, vec![1.0; ROWS]))));
-            let decay = Search::Grid {
+    let decay = |tau: f64| (0..ROWS).map(|row| (-(row as f64) / tau).exp()).collect::<Vec<f64>>();
+    let named = |hide: &(dyn Fn(f64) -> f64 + Sync), expected: &[&str]| {
+        let right = |&seed: &u64| {
+            let recording = recording(vec![with(noise(51_000 + seed, ROWS), hide)]);
+            let search = Search::Grid {
                 parameters: vec![Nonlinear {
                     name: "tau_s",
                     unit: "s",
-                    grid: vec![100.0, 200.0, 400.0, 800.0, 1600.0],
+                    grid: vec![50.0, 100.0, 200.0, 400.0, 800.0, 1600.0, 3200.0],
                 }],
-                signature: Box::new(move |point| {
-                    signature(0, (0..ROWS).map(|row| (-(row as f64) / point[0]).exp()).collect())
-                }),
+                signature: Box::new(move |point| signature(0, decay(point[0]))),
                 unit_amplitude: false,
             };
-            all.push(candidate(&WARM, 0, decay));
-            let answer =
-                explain_with(&inputs, all, &Options { hold_out: false, ..Options::default() }).unwrap();
+            let mut all = candidates(ROWS, 1);
+            all.push(candidate(&CONSTANT, 0, Search::Linear(signature(0, vec![1.0; ROWS]))));
+            all.push(candidate(&WARM, 0, search));
+            let inputs = Inputs::new(&recording);
+            let options = Options { hold_out: false, ..Options::default() };
+            let answer = explain_with(&inputs, all, &options).unwrap();
             let mut names: Vec<String> = answer.findings.into_iter().map(|finding| finding.effect).collect();
             names.sort();
-            let right = names == ["constant", "trend"];
-            println!("{seed}: {names:?}");
-            right
-        })
-        .count();
-    let _ = of;
-    println!("{right} of {TRIALS}");
+            if names != expected {
+                println!("{expected:?} {seed}: {names:?}");
+            }
+            names == expected
+        };
+        (0..TRIALS).into_par_iter().filter(right).count()
+    };
+    let allowed = most(TRIALS as usize, 0.05);
+    for (scale, crossing) in [(6.0, 0.6), (8.0, 0.8), (12.0, 1.0)] {
+        let right = named(&|time| scale * (time / length - crossing), &["constant", "trend"]);
+        assert!(TRIALS as usize - right <= allowed, "two of {scale}, {crossing}: {right}");
+        // And the decay itself is no pair.
+        let right = named(&|time| scale * (-time / 700.0).exp(), &["warm"]);
+        assert!(TRIALS as usize - right <= allowed, "one of {scale}: {right}");
+    }
 }
