@@ -20,7 +20,7 @@ use crate::noise_fit::{SourceKnob, exact};
 use crate::nominal::{FEWEST_ROWS, Model};
 use crate::readings::{Fault, OFF_LATTICE, faults, lattice};
 use crate::refit::parameters;
-use crate::search::Family;
+use crate::search::{Family, by_all_readings};
 use crate::select::{
     Item, MOST_FINDINGS, Selection, Shown, add_change, evidence_of, refine_terms, select, without,
 };
@@ -196,7 +196,14 @@ fn explained<S>(
     let mut selection = select(&case, &start, options.level);
     unless_cancelled(watch)?;
     let many = selection.state.terms.len() + selection.state.changes.len() >= MOST_FINDINGS;
-    let mut findings = findings(&case, &mut selection, options.level.ln());
+    // Those that were taken for spikes are no longer among those of the case.
+    let spiked = faults.found.iter().any(|fault| fault.fault == ReadingFault::Outliers);
+    let with_all_readings = |state: &mut State, bench: &Bench<'_>| {
+        if spiked {
+            state.terms = by_all_readings(&unmasked, &candidates, &state.terms, &bench.solution.amplitudes);
+        }
+    };
+    let mut findings = findings(&case, &mut selection, options.level.ln(), &with_all_readings);
     unless_cancelled(watch)?;
     watch.progress(Phase::Judge, 0.0);
     faults.spikes_beside(&unmasked, &selection.state.terms, &selection.bench.solution.amplitudes);
@@ -534,8 +541,14 @@ fn estimate_unknown(model: &mut Model) -> Vec<SourceKnob> {
     nuisances
 }
 
-/// Builds the findings: the best of each class is taken, then the parameters of all are fitted together.
-fn findings<'c>(case: &'c Case<'c>, selection: &mut Selection<'c>, ln_level: f64) -> Vec<Finding> {
+/// Builds the findings: the best of each class is taken, then the parameters of all are fitted together, but for what is read off all
+/// readings.
+fn findings<'c>(
+    case: &'c Case<'c>,
+    selection: &mut Selection<'c>,
+    ln_level: f64,
+    with_all_readings: &dyn Fn(&mut State, &Bench<'_>),
+) -> Vec<Finding> {
     let mut found = Vec::new();
     let mut budget = Budget::new(case.model);
     let shown = selection.shown.clone();
@@ -581,6 +594,8 @@ fn findings<'c>(case: &'c Case<'c>, selection: &mut Selection<'c>, ln_level: f64
     if selection.state.terms.len() > 1 && refine_terms(case, &mut selection.state, &|_| true) {
         (selection.state, selection.bench) = refitted(case, &selection.state, None);
     }
+    with_all_readings(&mut selection.state, &selection.bench);
+    selection.bench = Bench::new(case, &selection.state.terms, &selection.state.noises);
     let alone = found.len() == 1;
     loop {
         let shown: Vec<(Shown, State)> =

@@ -395,7 +395,9 @@ impl Library {
             take_out(&mut sketch, &basis);
             let length = tiled_dot(&sketch, &sketch).sqrt();
             if length > SEEN.sqrt() {
-                sketch.iter_mut().for_each(|value| *value /= length as f32);
+                for value in &mut sketch {
+                    *value /= length as f32;
+                }
                 basis.push(sketch);
             }
         }
@@ -419,7 +421,9 @@ impl Library {
                     let mut sketch = block.sketches[place].clone();
                     take_out(&mut sketch, &basis);
                     let norm = block.product(place, place).max(0.0).sqrt() as f32;
-                    sketch.iter_mut().for_each(|value| *value *= norm);
+                    for value in &mut sketch {
+                        *value *= norm;
+                    }
                     sketch
                 })
                 .collect();

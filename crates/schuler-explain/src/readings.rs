@@ -481,7 +481,9 @@ fn median(values: &mut [f64]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::{LEAST_STANDOFF, NEIGHBOURS, Repeats, clipped, same_at_rest, standoffs, stuck};
+    use super::{
+        LEAST_STANDOFF, NEIGHBOURS, Repeats, clipped, coarse, lattice, same_at_rest, standoffs, stuck,
+    };
 
     /// One reading that stands off is a spike with any number of neighbours; a few in a row, a step and a ramp are none.
     #[test]
@@ -500,6 +502,19 @@ mod tests {
             assert!(spikes(&|k| if k >= 700 { 4.0 } else { 0.0 }).is_empty());
             assert!(spikes(&|k| 0.1 * k as f64).is_empty());
         }
+    }
+
+    /// Two levels lie on a lattice anyhow: what comes again and again is one, a step or a few glitches are none.
+    #[test]
+    fn two_levels_that_come_again_are_a_lattice() {
+        let jitter = |k: usize| (43_758.545_3 * (12.989_8 * k as f64).sin()).rem_euclid(1.0);
+        let found = |is_up: &dyn Fn(usize) -> bool| {
+            let values: Vec<f64> = (0..2000).map(|k| if is_up(k) { 3.0 } else { 0.0 }).collect();
+            coarse(0, &values, lattice(&values).unwrap(), 0.0, 1.0).map(|fault| fault.parameters[0].1)
+        };
+        assert_eq!(found(&|k| jitter(k) > 0.97), Some(3.0));
+        assert_eq!(found(&|k| k > 700), None);
+        assert_eq!(found(&|k| k % 300 == 7), None);
     }
 
     /// A coarse output that stands still between manoeuvres repeats itself; one as fine as its noise does not.

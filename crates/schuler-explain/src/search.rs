@@ -6,13 +6,15 @@
 //! probabilities count all candidates of all sensors; each family of candidates has a share of the level.
 use std::sync::OnceLock;
 
+use nalgebra::DVector;
 use rayon::prelude::*;
 
-use crate::catalogue::{Candidate, NoiseChange, OnsetShape, Search, Target};
+use crate::catalogue::{Candidate, NoiseChange, OnsetShape, Search, Signature, Target};
 use crate::description::{Term, blocks_of, remainder};
 use crate::library::{Entry, Library, NullDistribution, Pair, Purpose};
 use crate::minimise::{golden, simplex};
 use crate::noise_change::{ChangeFit, PromisedStart, View};
+use crate::nominal::{Block, Model};
 use crate::price::Price;
 use crate::scan::{Scan, Scanner};
 use crate::select::touches;
@@ -311,11 +313,73 @@ fn promises_of_scans(bench: &Bench<'_>, wanted: &(dyn Fn(usize) -> bool + Sync))
         .collect()
 }
 
-/// Thresholds of dead zones from the readings themselves.
+/// The threshold of a dead zone from the readings themselves, and the number of readings; `left` is what the rest of the description
+/// leaves of a block.
 ///
 /// Readings on the wrong side of a threshold miss the input whole, so that the likelihood is a ridge of a few readings' width between
 /// the points of any grid. Of readings in the order of their inputs those below the threshold are better described as silent, those
 /// above it as answering: it is where the sum of the differences of their squares is largest.
+fn threshold(
+    candidate: &Candidate,
+    signature: &dyn Fn(&[f64]) -> Signature,
+    block: &Block,
+    left: &[f64],
+) -> Option<(f64, usize)> {
+    let silent = signature(&[f64::INFINITY]);
+    let (_, values) = silent.columns.first()?.parts.first()?;
+    let missed = block.project(silent.columns.first()?, candidate.port)?;
+    let rows = block.rows();
+    let better = |row: usize| -> f64 {
+        let of_channel = |channel: usize| {
+            let (left, missed) = (left[channel * rows + row], missed[channel * rows + row]);
+            (2.0 * left - missed) * missed
+        };
+        (0..block.channels).map(of_channel).sum()
+    };
+    let mut inputs: Vec<(f64, f64)> = (values.iter().enumerate())
+        .map(|(row, value)| (value.abs(), better(row)))
+        .filter(|(input, better)| input.is_finite() && better.is_finite())
+        .collect();
+    inputs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (mut sum, mut best) = (0.0, (0.0, None));
+    for pair in inputs.windows(2) {
+        sum += pair[0].1;
+        if sum > best.0 && pair[1].0 > pair[0].0 {
+            best = (sum, Some(0.5 * (pair[0].0 + pair[1].0)));
+        }
+    }
+    Some((best.1?, inputs.len()))
+}
+
+/// Terms as they are by all readings of `model`: the threshold of a dead zone is between those of them that are silent and those that
+/// answer, and the ones that were taken for spikes may be the nearest to it.
+pub fn by_all_readings(
+    model: &Model,
+    candidates: &[Candidate],
+    terms: &[Term],
+    amplitudes: &DVector<f64>,
+) -> Vec<Term> {
+    let renewed = |place: usize| {
+        let term = &terms[place];
+        let candidate = &candidates[term.candidate];
+        let (Search::Grid { signature, .. }, Target::Sensor(sensor)) = (&candidate.search, &candidate.target)
+        else {
+            return None;
+        };
+        if candidate.effect.id != DEAD_ZONE {
+            return None;
+        }
+        let index = model.block_of(*sensor)?;
+        // It has no amplitude, so that those of the others are where they were.
+        let others: Vec<Term> = [&terms[..place], &terms[place + 1..]].concat();
+        let left = remainder(model, index, &others, amplitudes);
+        let (threshold, _) = threshold(candidate, signature, &model.blocks[index], &left)?;
+        Some(Term::new(term.candidate, candidate, &[threshold], &model.time_s))
+    };
+    (0..terms.len()).map(|place| renewed(place).unwrap_or_else(|| terms[place].clone())).collect()
+}
+
+/// Thresholds of dead zones.
 fn promises_of_thresholds(bench: &Bench<'_>, wanted: &(dyn Fn(usize) -> bool + Sync)) -> Vec<Promise> {
     let case = bench.case;
     let left: Vec<OnceLock<Vec<f64>>> = case.model.blocks.iter().map(|_| OnceLock::new()).collect();
@@ -331,34 +395,12 @@ fn promises_of_thresholds(bench: &Bench<'_>, wanted: &(dyn Fn(usize) -> bool + S
         let index = case.model.block_of(*sensor)?;
         bench.blocks[index].as_ref()?;
         let block = &case.model.blocks[index];
-        let silent = signature(&[f64::INFINITY]);
-        let (_, values) = silent.columns.first()?.parts.first()?;
-        let missed = block.project(silent.columns.first()?, candidate.port)?;
         let left = left[index]
             .get_or_init(|| remainder(case.model, index, &bench.terms, &bench.solution.amplitudes));
-        let rows = block.rows();
-        let better = |row: usize| -> f64 {
-            let of_channel = |channel: usize| {
-                let (left, missed) = (left[channel * rows + row], missed[channel * rows + row]);
-                (2.0 * left - missed) * missed
-            };
-            (0..block.channels).map(of_channel).sum()
-        };
-        let mut inputs: Vec<(f64, f64)> = (values.iter().enumerate())
-            .map(|(row, value)| (value.abs(), better(row)))
-            .filter(|(input, better)| input.is_finite() && better.is_finite())
-            .collect();
-        inputs.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let (mut sum, mut best) = (0.0, (0.0, None));
-        for pair in inputs.windows(2) {
-            sum += pair[0].1;
-            if sum > best.0 && pair[1].0 > pair[0].0 {
-                best = (sum, Some(0.5 * (pair[0].0 + pair[1].0)));
-            }
-        }
-        let start = vec![best.1?];
+        let (threshold, readings) = threshold(candidate, signature, block, left)?;
+        let start = vec![threshold];
         let (gain, freedom) = bench.gain_of(&Term::new(place, candidate, &start, case.time_s));
-        let ln_places = (inputs.len() as f64).ln();
+        let ln_places = (readings as f64).ln();
         let evidence = Price { freedom, ln_places, continuous: 0 }.evidence(gain);
         Some(Promise { candidate: place, starts: vec![start], evidence, ln_places, evaluated: false })
     };

@@ -13,8 +13,13 @@ use schuler_explain::catalogue::{
 use schuler_explain::explain::{Error, Options, explain, explain_with};
 use schuler_explain::explanation::{Explanation, Verdict};
 use schuler_explain::inputs::Inputs;
+use schuler_explain::jump::{jumps, shown_beside};
+use schuler_explain::nominal::Model;
+use schuler_explain::readings::faults;
+use schuler_explain::state::{Bench, Case};
+use schuler_explain::watch::Unwatched;
 use schuler_recording::Recording;
-use schuler_recording::case::{Markov, MotionKind, Nominal, SchulerLoop, SensorKind};
+use schuler_recording::case::{ExponentialCosine, Markov, MotionKind, Nominal, SchulerLoop, SensorKind};
 use schuler_recording::unit::Unit;
 
 mod common;
@@ -398,6 +403,21 @@ fn flicker_is_told_from_a_markov_part_and_what_that_leaves() {
     assert!(TRIALS as usize - right <= most(TRIALS as usize, 0.05), "{right}");
 }
 
+/// Exponential-cosine noise of unit deviation.
+fn oscillating(random: &mut Pcg64, rows: usize, alpha: f64, beta: f64) -> Vec<f64> {
+    let mut normal = || -> f64 { StandardNormal.sample(random) };
+    let (kept, driven) = ((-alpha).exp(), (1.0 - (-2.0 * alpha).exp()).sqrt());
+    let (cosine, sine) = (kept * beta.cos(), kept * beta.sin());
+    let mut state = [normal(), normal()];
+    (0..rows)
+        .map(|_| {
+            let [x, y] = state;
+            state = [cosine * x - sine * y + driven * normal(), sine * x + cosine * y + driven * normal()];
+            x
+        })
+        .collect()
+}
+
 /// The nominal Markov process is not there: beside it an exponential-cosine would leave lines, in its place it leaves nothing.
 #[test]
 fn an_exponential_cosine_in_the_place_of_a_markov_process_is_the_only_finding() {
@@ -408,20 +428,11 @@ fn an_exponential_cosine_in_the_place_of_a_markov_process_is_the_only_finding() 
         .into_par_iter()
         .filter(|&seed| {
             let mut random = Pcg64::seed_from_u64(120_000 + seed);
-            let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
-            let (kept, driven) = ((-alpha).exp(), (1.0 - (-2.0 * alpha).exp()).sqrt());
-            let (cosine, sine) = (kept * beta.cos(), kept * beta.sin());
-            let mut state = [normal(), normal()];
-            let values = (0..ROWS)
-                .map(|_| {
-                    let [x, y] = state;
-                    state = [
-                        cosine * x - sine * y + driven * normal(),
-                        sine * x + cosine * y + driven * normal(),
-                    ];
-                    x + WHITE_SIGMA * normal()
-                })
-                .collect();
+            let mut values = oscillating(&mut random, ROWS, alpha, beta);
+            for value in &mut values {
+                let white: f64 = StandardNormal.sample(&mut random);
+                *value += WHITE_SIGMA * white;
+            }
             let answer = answer(vec![values], false).unwrap();
             let effects: Vec<&str> = answer.findings.iter().map(|finding| finding.effect.as_str()).collect();
             let right = effects == ["cosine"];
@@ -477,13 +488,6 @@ fn faults_in_readings_are_named_and_do_not_breed() {
         }
         values
     });
-    // Two levels that come again and again.
-    assert_named("coarse", |_, mut values| {
-        for value in &mut values {
-            *value = if *value < -0.5 { -2.5 } else { 2.5 };
-        }
-        values
-    });
     assert_named("jumps", |seed, values| {
         let start = 100.0 + seed as f64;
         with(values, |time| if (time - start).rem_euclid(500.0) < 120.0 { 5.0 } else { 0.0 })
@@ -512,6 +516,41 @@ fn a_mean_that_jumps_at_random_times_is_no_markov_noise() {
         let shift = if seed % 2 == 0 { 2.5 } else { -2.5 };
         values.iter().zip(jumping(seed, shift, [40.0, 150.0])).map(|(value, jump)| value + jump).collect()
     });
+}
+
+/// Histories of jumps are made from the readings, and follow an oscillation too: beside the noise that describes it they show little.
+#[test]
+fn jumps_are_judged_beside_the_noise_that_made_them() {
+    const TRIALS: u64 = 12;
+    let (alpha, beta, sigma) = (1.0 / 100.0, std::f64::consts::TAU / 90.0, 1.0);
+    let shown = |seed: u64| {
+        let mut random = Pcg64::seed_from_u64(160_000 + seed);
+        let mut values = oscillating(&mut random, ROWS, alpha, beta);
+        for value in &mut values {
+            let white: f64 = StandardNormal.sample(&mut random);
+            *value = sigma * *value + white;
+        }
+        let nominal = Nominal { white: 1.0, ..Nominal::default() };
+        let kind = (SensorKind::Doppler, Unit::MetrePerSecond);
+        let sensor = common::series("sensor_0", kind, [1.0, 0.0, 0.0], nominal, values);
+        let recording = common::recording(MotionKind::Static, vec![sensor]);
+        let model = Model::new(&recording, &[]).unwrap();
+        let all = candidates(ROWS, 1);
+        let case = Case::new(&model, &all, &model.time_s, &Unwatched);
+        let mut noises = model.nominal_noises();
+        let found = jumps(&Bench::new(&case, &[], &noises), &|_| true);
+        let alone = found.first()?.clone();
+        noises[0].exp_cos.push(ExponentialCosine { sigma, alpha, beta });
+        let beside =
+            shown_beside(&Bench::new(&case, std::slice::from_ref(&alone.term), &noises), &alone.term);
+        Some((alone.evidence, beside.expect("they are jumps")))
+    };
+    let shown: Vec<(f64, f64)> = (0..TRIALS).into_par_iter().filter_map(shown).collect();
+    println!("{shown:.1?}");
+    assert!(shown.len() as u64 > TRIALS / 2, "{}", shown.len());
+    for (alone, beside) in shown {
+        assert!(alone > 50.0 && beside < 0.1 * alone, "{alone} alone, {beside} beside");
+    }
 }
 
 #[test]
@@ -761,6 +800,37 @@ fn the_threshold_of_a_dead_zone_is_found_between_the_points_of_any_grid() {
         assert_eq!(rates.iter().filter(between).count(), 0, "{found} for {threshold}");
     };
     (0..8_u64).into_par_iter().for_each(named);
+}
+
+/// What a dead zone swallows of a rate that passes it within a step or two stands off from its neighbours as spikes do.
+#[test]
+fn a_dead_zone_that_is_passed_within_a_step_has_no_spikes() {
+    let rates: Vec<f64> = (0..ROWS).map(|row| 0.01 * (0.05 * row as f64 + 0.3).sin()).collect();
+    let (threshold, white) = (4e-4, 6e-5);
+    let named = |trial: u64| {
+        let mut random = Pcg64::seed_from_u64(170_000 + trial);
+        let mut reading = |rate: &f64| {
+            let noise: f64 = StandardNormal.sample(&mut random);
+            (if rate.abs() < threshold { 0.0 } else { *rate }) + white * noise
+        };
+        let values = rates.iter().map(&mut reading).collect();
+        let nominal = Nominal { white, ..Nominal::default() };
+        let kind = (SensorKind::Fog, Unit::RadianPerSecond);
+        let gyro = common::series("gyro", kind, [1.0, 0.0, 0.0], nominal, values);
+        let mut recording = common::recording(MotionKind::Recorded, vec![gyro]);
+        recording.motion.rate = Some([rates.clone(), vec![0.0; ROWS], vec![0.0; ROWS]]);
+        let unexplained = faults(&recording, &Model::new(&recording, &[]).unwrap()).found;
+        let answer = explain(&recording, &Options { hold_out: false, ..Options::default() }).unwrap();
+        let told: Vec<&str> = answer.findings.iter().map(|finding| finding.effect.as_str()).collect();
+        assert_eq!(told, ["dead_zone"], "trial {trial}");
+        let parameters = &answer.findings[0].parameters;
+        let found = parameters.iter().find(|parameter| parameter.name == "threshold").unwrap();
+        let (found, sigma) = (found.value.unwrap(), found.sigma.unwrap());
+        assert!((found - threshold).abs() < 3.0 * sigma, "trial {trial}: {found} ± {sigma}");
+        unexplained.len()
+    };
+    let spikes: usize = (0..8_u64).into_par_iter().map(named).sum();
+    assert!(spikes >= 4, "of eight records {spikes} have spikes to be taken back");
 }
 
 #[test]
