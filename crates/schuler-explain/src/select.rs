@@ -188,8 +188,10 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
                 continue;
             }
             let other = valued(walked.found, &mut for_pairs);
-            // What only adds to the other would have to be significant beside it.
-            let least = if extends(&other.1.0, &best.1.0) { -ln_level } else { WORTH_A_PAIR };
+            // What only adds to the other would have to be significant beside it; and slow noise is imitated by whatever shapes it takes.
+            let (old, new) = (&best.1.0, &other.1.0);
+            let is_doubtful = extends(new, old) || new.changes.len() < old.changes.len();
+            let least = if is_doubtful { -ln_level } else { WORTH_A_PAIR };
             if other.0 > best.0 + least {
                 best = other;
             }
@@ -250,6 +252,11 @@ fn pairs_instead(
         let mut pairs = promising_pairs(&bench, family, &is_of_source, least);
         let mut seen = HashSet::new();
         pairs.retain(|pair| seen.insert(pair.each_ref().map(|term| term.candidate)));
+        // Two shapes of any onset imitate slow noise, as what [`merged`] puts together.
+        if items.iter().any(|item| matches!(item, Item::Change(_))) {
+            let is_onset = |term: &Term| matches!(case.candidates[term.candidate].search, Search::Onset(_));
+            pairs.retain(|pair| !pair.iter().all(is_onset));
+        }
         pairs.truncate(PAIRS_TRIED);
         let exact = |pair: [Term; 2]| with_pair(case, &less, &less_prices, pair, family, ln_level);
         let mut exact: Vec<(f64, Start)> = pairs.into_par_iter().filter_map(exact).collect();
