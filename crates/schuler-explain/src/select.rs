@@ -13,6 +13,9 @@
 //! a change was taken, the search goes on from the description without it, and once from all parts that the user names, with the
 //! values that fit best together. A search that would go on as the search from nothing did ends where it meets its way.
 //!
+//! Two terms may look like a third, beside which neither shows. In the place of what was found of a source all pairs of its terms are compared, and
+//! the search goes on from the best of them ([`Library::pairs`]).
+//!
 //! All that has a budget of work ([`crate::budget`]): the search from nothing has two thirds of it, all others share what it leaves.
 use std::collections::HashSet;
 
