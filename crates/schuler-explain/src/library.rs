@@ -51,8 +51,9 @@ const DRAWN_TOGETHER: usize = 25;
 const TAIL_DRAWS: usize = 20;
 /// Onsets that take part in pairs.
 const ONSETS: usize = 24;
-/// Part of a signature that must be left beside another for a pair of them.
-const FURTHEST_ALIKE: f64 = 0.01;
+/// Part of a signature that must be left beside another for a pair of them: two that are more alike would stand for their difference,
+/// which is neither.
+pub const FURTHEST_ALIKE: f64 = 0.05;
 /// Seed of the draws.
 const SEED: u64 = 0x5c1d;
 

@@ -25,7 +25,7 @@ use crate::budget::{Budget, of_round};
 use crate::catalogue::{Candidate, NoiseChange, Search, Target};
 use crate::description::{Term, blocks_of};
 use crate::jump::{jumps, shown_beside};
-use crate::library::{Library, Purpose};
+use crate::library::{FURTHEST_ALIKE, Library, Purpose};
 use crate::noise::Knob;
 use crate::noise_change::ChangeFit;
 use crate::noise_fit::whittle_jointly;
@@ -291,7 +291,9 @@ fn with_pair(
     let is_significant = |proposal: &Proposal| {
         family.ln_p(&case.candidates[proposal.term.candidate], proposal.evidence) <= ln_level
     };
-    if !(is_significant(&first) && is_significant(&second)) {
+    let bench = Bench::new(case, &less.terms, &less.noises);
+    let apart = bench.angle_deg(&first.term, &second.term).to_radians().sin().powi(2);
+    if apart < FURTHEST_ALIKE || !(is_significant(&first) && is_significant(&second)) {
         return None;
     }
     let cost = first.gain - first.evidence + second.gain - second.evidence;
