@@ -13,7 +13,7 @@
 //! a change was taken, the search goes on from the description without it, and once from all parts that the user names, with the
 //! values that fit best together. A search that would go on as the search from nothing did ends where it meets its way.
 //!
-//! Two terms may look like a third, beside which neither shows. In the place of what was found of a source all pairs of its terms are compared, and
+//! Two terms may look like a third, beside which neither shows. In the place of the terms of a source all pairs of such are compared, and
 //! the search goes on from the best of them ([`Library::pairs`]).
 //!
 //! All that has a budget of work ([`crate::budget`]): the search from nothing has two thirds of it, all others share what it leaves.
@@ -191,10 +191,8 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
                 continue;
             }
             let other = valued(walked.found, &mut for_pairs);
-            // What only adds to the other would have to be significant beside it; and slow noise is imitated by whatever shapes it takes.
-            let (old, new) = (&best.1.0, &other.1.0);
-            let is_doubtful = extends(new, old) || new.changes.len() < old.changes.len();
-            let least = if is_doubtful { -ln_level } else { WORTH_A_PAIR };
+            // What only adds to the other would have to be significant beside it.
+            let least = if extends(&other.1.0, &best.1.0) { -ln_level } else { WORTH_A_PAIR };
             if other.0 > best.0 + least {
                 best = other;
             }
@@ -206,10 +204,10 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
     Selection { state, bench, family, shown, null, exceeded }
 }
 
-/// Descriptions in which what was found of a source, or one item of it, is replaced by two terms that promise as much together.
+/// Descriptions in which the terms of a source, or one of them, are replaced by two that promise as much together.
 ///
 /// A search that takes one term at a time may take one that looks like the sum of two, beside which neither shows: a lag for a constant
-/// and a drift, slow noise for a warm-up and a temperature.
+/// and a drift. Changes of noise stay: slow noise is imitated by whatever shapes it takes.
 fn pairs_instead(
     case: &Case<'_>,
     (state, _, prices): &Found<'_>,
@@ -223,31 +221,30 @@ fn pairs_instead(
         let candidate = &case.candidates[candidate];
         candidate.target == Target::Sensor(origin.sensor) && candidate.port == origin.port
     };
-    let terms = (0..state.terms.len()).filter(|&place| is_of_source(state.terms[place].candidate));
-    let changes = (0..state.changes.len()).filter(|&place| state.changes[place].source == source);
-    let items: Vec<Item> = terms.map(Item::Term).chain(changes.map(Item::Change)).collect();
-    let mut replaced: Vec<Vec<Item>> = items.iter().map(|&item| vec![item]).collect();
-    if items.len() > 1 {
-        replaced.push(items);
+    let own: Vec<usize> =
+        (0..state.terms.len()).filter(|&place| is_of_source(state.terms[place].candidate)).collect();
+    let mut replaced: Vec<Vec<usize>> = own.iter().map(|&place| vec![place]).collect();
+    if own.len() > 1 {
+        replaced.push(own);
     }
     let blocks: Vec<usize> = (0..case.model.blocks.len())
         .filter(|&block| case.model.blocks[block].sources.contains(&source))
         .collect();
     let mut starts = Vec::new();
-    for items in replaced {
+    for places in replaced {
         if case.watch.is_cancelled() || !budget.affords(of_round(case, state, &blocks)) {
             break;
         }
         let all = shown(case, state, prices, family);
         let cost = |(_, shown): &(Item, Shown)| shown.gain - shown.evidence;
-        let costs: f64 = all.iter().filter(|(item, _)| items.contains(item)).map(cost).sum();
+        let is_replaced =
+            |(item, _): &&(Item, Shown)| matches!(item, Item::Term(place) if places.contains(place));
+        let costs: f64 = all.iter().filter(is_replaced).map(cost).sum();
         let (mut less, mut less_prices) = (state.clone(), prices.clone());
         // The last first, so that the places of the others stay.
-        for &item in items.iter().rev() {
-            less = taken_out(case, &less, item);
-            if let Item::Term(place) = item {
-                less_prices.remove(place);
-            }
+        for &place in places.iter().rev() {
+            less.terms.remove(place);
+            less_prices.remove(place);
         }
         let (less, bench) = refitted(case, &less, Some(&blocks));
         let shown_by_them = state.log_likelihood - less.log_likelihood - costs;
@@ -255,11 +252,6 @@ fn pairs_instead(
         let mut pairs = promising_pairs(&bench, family, &is_of_source, least);
         let mut seen = HashSet::new();
         pairs.retain(|pair| seen.insert(pair.each_ref().map(|term| term.candidate)));
-        // Two shapes of any onset imitate slow noise, as what [`merged`] puts together.
-        if items.iter().any(|item| matches!(item, Item::Change(_))) {
-            let is_onset = |term: &Term| matches!(case.candidates[term.candidate].search, Search::Onset(_));
-            pairs.retain(|pair| !pair.iter().all(is_onset));
-        }
         pairs.truncate(PAIRS_TRIED);
         let exact = |pair: [Term; 2]| with_pair(case, &less, &less_prices, pair, family, ln_level);
         let mut exact: Vec<(f64, Start)> = pairs.into_par_iter().filter_map(exact).collect();
