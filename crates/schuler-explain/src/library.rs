@@ -6,7 +6,7 @@
 //! columns of its entry are of whitened columns, which live in single precision until they are taken; what is decided by
 //! them is computed again exactly. All these products are kept by the noises and by what they were taken with, so that the
 //! signature of an entry is made again only for noises or regressors that are new. The correlations of all columns, which
-//! only the null distribution needs, are those of their sketches: rows with random signs summed into `SKETCH` places
+//! the null distribution and pairs of entries need, are those of their sketches: rows with random signs summed into `SKETCH` places
 //! (Charikar, Chen & Farach-Colton 2004), by which a correlation ρ has a standard deviation of (1 − ρ²)/√`SKETCH`; a record
 //! that is no longer is exact. Memory is that of a few columns, the products and the sketches, and the work grows as the length.
 use std::borrow::Cow;
