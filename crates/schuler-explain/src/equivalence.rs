@@ -18,7 +18,7 @@ use crate::noise_change::ChangeFit;
 use crate::nominal::Model;
 use crate::price::Price;
 use crate::search::{Family, deterministic, library};
-use crate::select::{Item, add_change, touches, without};
+use crate::select::{Item, add_change, blocks_with, touches, without};
 use crate::state::{Bench, Case, State, refitted};
 
 /// Nats behind the best within which an identifier belongs to the class.
@@ -97,10 +97,7 @@ pub fn alternatives(
     let model = case.model;
     let blocks = match item {
         Item::Term(place) => blocks_of(model, std::slice::from_ref(&state.terms[place])),
-        Item::Change(place) => {
-            let source = state.changes[place].source;
-            (0..model.blocks.len()).filter(|&block| model.blocks[block].sources.contains(&source)).collect()
-        }
+        Item::Change(place) => blocks_with(model, state.changes[place].source),
     };
     let (less, bench) = without(case, state, item);
     let affordable = budget.affords(of_item(case, state, &blocks));
@@ -204,8 +201,7 @@ fn prefer_simpler(case: &Case<'_>, found: &mut [Alternative]) {
         })
         .min_by_key(|(_, other)| other.candidate);
     if let Some((place, _)) = simpler {
-        found[place].simpler = true;
-        found[..=place].rotate_right(1);
+        lead_as_simpler(found, place);
     }
 }
 
@@ -224,8 +220,7 @@ fn prefer_part(case: &Case<'_>, family: &Family, ln_level: f64, found: &mut [Alt
     let freedom = best.price.freedom.saturating_sub(others[place].price.freedom).max(1);
     let candidate = &case.candidates[best.candidate];
     if family.ln_p(candidate, Price { freedom, ..best.price }.evidence(adds)) > ln_level {
-        found[place + 1].simpler = true;
-        found[..=place + 1].rotate_right(1);
+        lead_as_simpler(found, place + 1);
     }
 }
 
@@ -240,9 +235,14 @@ fn prefer_output(case: &Case<'_>, found: &mut [Alternative]) {
     if found.first().is_some_and(|best| inside.contains(&port(best)))
         && let Some(place) = found.iter().position(|other| port(other) == Some(Port::Output))
     {
-        found[place].simpler = true;
-        found[..=place].rotate_right(1);
+        lead_as_simpler(found, place);
     }
+}
+
+/// Puts one first that shows no more than what led.
+fn lead_as_simpler(found: &mut [Alternative], place: usize) {
+    found[place].simpler = true;
+    found[..=place].rotate_right(1);
 }
 
 /// The column of a term that another reference adds to it.
@@ -316,8 +316,7 @@ fn prefer_radio(case: &Case<'_>, found: &mut [Alternative]) {
             && other.gain > SAME_MOTION * best.gain
     };
     if let Some(place) = found.iter().position(leads) {
-        found[place].simpler = true;
-        found[..=place].rotate_right(1);
+        lead_as_simpler(found, place);
     }
 }
 

@@ -198,9 +198,12 @@ fn explained<S>(
     let many = selection.state.terms.len() + selection.state.changes.len() >= MOST_FINDINGS;
     // Those that were taken for spikes are no longer among those of the case.
     let spiked = faults.found.iter().any(|fault| fault.fault == ReadingFault::Outliers);
-    let with_all_readings = |state: &mut State, bench: &Bench<'_>| {
+    let with_all_readings = |selection: &mut Selection<'_>| {
         if spiked {
+            let Selection { state, bench, .. } = selection;
             state.terms = by_all_readings(&unmasked, &candidates, &state.terms, &bench.solution.amplitudes);
+            *bench = Bench::new(bench.case, &state.terms, &state.noises);
+            state.log_likelihood = bench.log_likelihood;
         }
     };
     let mut findings = findings(&case, &mut selection, options.level.ln(), &with_all_readings);
@@ -547,7 +550,7 @@ fn findings<'c>(
     case: &'c Case<'c>,
     selection: &mut Selection<'c>,
     ln_level: f64,
-    with_all_readings: &dyn Fn(&mut State, &Bench<'_>),
+    with_all_readings: &dyn Fn(&mut Selection<'c>),
 ) -> Vec<Finding> {
     let mut found = Vec::new();
     let mut budget = Budget::new(case.model);
@@ -594,8 +597,7 @@ fn findings<'c>(
     if selection.state.terms.len() > 1 && refine_terms(case, &mut selection.state, &|_| true) {
         (selection.state, selection.bench) = refitted(case, &selection.state, None);
     }
-    with_all_readings(&mut selection.state, &selection.bench);
-    selection.bench = Bench::new(case, &selection.state.terms, &selection.state.noises);
+    with_all_readings(selection);
     let alone = found.len() == 1;
     loop {
         let shown: Vec<(Shown, State)> =

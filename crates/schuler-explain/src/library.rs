@@ -388,11 +388,9 @@ impl Library {
 
     /// The entries of a block, orthonormal.
     fn directions(&self, block: &BlockSums) -> Vec<Direction> {
-        let regressors: Vec<usize> =
-            (0..self.regressors).filter(|&regressor| block.place[regressor].is_some()).collect();
         let mut basis: Vec<Vec<f32>> = Vec::new();
-        for &regressor in &regressors {
-            let mut sketch = block.place[regressor].map_or(Vec::new(), |place| block.sketches[place].clone());
+        for place in block.place[..self.regressors].iter().flatten() {
+            let mut sketch = block.sketches[*place].clone();
             take_out(&mut sketch, &basis);
             let length = tiled_dot(&sketch, &sketch).sqrt();
             if length > SEEN.sqrt() {
@@ -402,8 +400,11 @@ impl Library {
                 basis.push(sketch);
             }
         }
-        let scores_of = |column: usize| block.place[column].map_or(0.0, |place| block.scores[place]);
-        let described = DVector::from_fn(self.regressors, |i, _| scores_of(i));
+        // What is described may act on other blocks as well.
+        let of_all = |column: usize| -> f64 {
+            self.blocks.iter().filter_map(|block| block.place[column].map(|place| block.scores[place])).sum()
+        };
+        let described = DVector::from_fn(self.regressors, |i, _| of_all(i));
         let direction = |(index, (entry, prepared)): (usize, (&Entry, &Prepared))| {
             if prepared.rank == 0 || entry.unit_amplitude {
                 return None;

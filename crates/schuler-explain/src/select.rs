@@ -223,20 +223,21 @@ fn pairs_instead(
     };
     let own: Vec<usize> =
         (0..state.terms.len()).filter(|&place| is_of_source(state.terms[place].candidate)).collect();
+    if own.is_empty() {
+        return Vec::new();
+    }
     let mut replaced: Vec<Vec<usize>> = own.iter().map(|&place| vec![place]).collect();
     if own.len() > 1 {
         replaced.push(own);
     }
-    let blocks: Vec<usize> = (0..case.model.blocks.len())
-        .filter(|&block| case.model.blocks[block].sources.contains(&source))
-        .collect();
+    let blocks = blocks_with(case.model, source);
+    let all = shown(case, state, prices, family);
+    let cost = |(_, shown): &(Item, Shown)| shown.gain - shown.evidence;
     let mut starts = Vec::new();
     for places in replaced {
         if case.watch.is_cancelled() || !budget.affords(of_round(case, state, &blocks)) {
             break;
         }
-        let all = shown(case, state, prices, family);
-        let cost = |(_, shown): &(Item, Shown)| shown.gain - shown.evidence;
         let is_replaced =
             |(item, _): &&(Item, Shown)| matches!(item, Item::Term(place) if places.contains(place));
         let costs: f64 = all.iter().filter(is_replaced).map(cost).sum();
@@ -633,6 +634,11 @@ pub fn refine_terms(case: &Case<'_>, state: &mut State, wanted: &dyn Fn(usize) -
     refined
 }
 
+/// The blocks in whose channels a source is.
+pub fn blocks_with(model: &Model, source: usize) -> Vec<usize> {
+    (0..model.blocks.len()).filter(|&block| model.blocks[block].sources.contains(&source)).collect()
+}
+
 /// Whether a candidate reaches one of `blocks`.
 pub fn touches(case: &Case<'_>, candidate: usize, blocks: &[usize]) -> bool {
     let reaches = |sensor: &usize| case.model.block_of(*sensor).is_some_and(|block| blocks.contains(&block));
@@ -872,9 +878,7 @@ fn merged<'c>(
         if changes == 0 || terms + changes < 2 {
             continue;
         }
-        let blocks: Vec<usize> = (0..case.model.blocks.len())
-            .filter(|&block| case.model.blocks[block].sources.contains(&source))
-            .collect();
+        let blocks = blocks_with(case.model, source);
         if !budget.affords(of_round(case, &state, &blocks)) {
             continue;
         }
@@ -914,11 +918,6 @@ fn merged<'c>(
     (state, bench, prices)
 }
 
-/// What each item shows beside all others; of one that is significant beyond doubt, nearly.
-fn shown(case: &Case<'_>, state: &State, prices: &[Price], family: &Family) -> Vec<(Item, Shown)> {
-    shown_up_to(case, state, prices, family, BEYOND_DOUBT)
-}
-
 /// The evidence of an item of a description that shows so much by its gain.
 pub fn evidence_of(bench: &Bench<'_>, item: Item, by_gain: f64) -> f64 {
     let of_jumps = |place: usize| shown_beside(bench, bench.terms.get(place)?);
@@ -926,6 +925,11 @@ pub fn evidence_of(bench: &Bench<'_>, item: Item, by_gain: f64) -> f64 {
         Item::Term(place) => of_jumps(place).map_or(by_gain, |evidence| evidence.min(by_gain)),
         Item::Change(_) => by_gain,
     }
+}
+
+/// What each item shows beside all others; of one that is significant beyond doubt, nearly.
+fn shown(case: &Case<'_>, state: &State, prices: &[Price], family: &Family) -> Vec<(Item, Shown)> {
+    shown_up_to(case, state, prices, family, BEYOND_DOUBT)
 }
 
 /// The same, exact for what gains less than `doubtful` nats above the price of its search.
