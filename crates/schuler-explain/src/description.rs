@@ -103,6 +103,14 @@ impl Delays {
         self.of_sensor.iter().find(|known| known.0 == sensor).map_or(0.0, |known| known.1)
     }
 
+    /// Whether a sensor reads at `time_s` what was at a time that is not in the record, or so near its ends that a line is all that is known
+    /// of it. Of delays within half a step that line is good.
+    pub fn reach_beyond(&self, model: &Model, sensor: usize, time_s: f64) -> bool {
+        let (delay_s, step_s) = (self.of(sensor), model.step_s);
+        let end_s = model.time_s.last().copied().unwrap_or_default();
+        delay_s.abs() > 0.5 * step_s && !(step_s..=end_s - step_s).contains(&(time_s - delay_s))
+    }
+
     /// Whether they move a term.
     pub fn move_term(&self, term: &Term) -> bool {
         let mut parts = term.columns.iter().flat_map(|column| &column.parts);

@@ -6,7 +6,7 @@ use thiserror::Error;
 use crate::arrays::arrays;
 use crate::budget::Budget;
 use crate::catalogue::{CATALOGUE, Candidate, Port, ReadingFault, Search, Target};
-use crate::description::{Term, project, sensors_of};
+use crate::description::{Delays, Term, project, sensors_of};
 use crate::equivalence::{Alternative, alternatives, class, target_name};
 use crate::evidence::CaseArrays;
 use crate::explanation::{
@@ -17,12 +17,13 @@ use crate::inputs::Inputs;
 use crate::locate;
 use crate::noise::{Knob, Noise};
 use crate::noise_fit::{SourceKnob, exact};
-use crate::nominal::{FEWEST_ROWS, Model};
+use crate::nominal::{Block, FEWEST_ROWS, Model};
 use crate::readings::{Fault, OFF_LATTICE, faults, lattice};
 use crate::refit::parameters;
 use crate::search::{Family, by_all_readings};
 use crate::select::{
-    Item, MOST_FINDINGS, Selection, Shown, add_change, evidence_of, refine_terms, select, without,
+    Item, MOST_FINDINGS, Selection, Shown, add_change, evidence_of, judged_again, refine_terms, select,
+    without,
 };
 use crate::sentence::sentence;
 use crate::state::{Bench, Case, State, refitted};
@@ -195,6 +196,17 @@ fn explained<S>(
     watch.progress(Phase::Search, 0.0);
     let mut selection = select(&case, &start, options.level);
     unless_cancelled(watch)?;
+    // What was read beyond the record the search took to go straight on.
+    let (within, case_within);
+    let case = match within_record(&model, &selection.state) {
+        Some(shorter) => {
+            within = shorter;
+            case_within = Case::new(&within, &candidates, &inputs.time_s, watch);
+            selection = judged_again(&case_within, selection, options.level);
+            &case_within
+        }
+        None => &case,
+    };
     let many = selection.state.terms.len() + selection.state.changes.len() >= MOST_FINDINGS;
     // Those that were taken for spikes are no longer among those of the case.
     let spiked = faults.found.iter().any(|fault| fault.fault == ReadingFault::Outliers);
@@ -206,14 +218,14 @@ fn explained<S>(
             state.log_likelihood = bench.log_likelihood;
         }
     };
-    let mut findings = findings(&case, &mut selection, options.level.ln(), &with_all_readings);
+    let mut findings = findings(case, &mut selection, options.level.ln(), &with_all_readings);
     unless_cancelled(watch)?;
     watch.progress(Phase::Judge, 0.0);
     faults.spikes_beside(&unmasked, &selection.state.terms, &selection.bench.solution.amplitudes);
-    findings.extend(of_readings(recording, &case, &selection.family, &faults.found, options.level));
+    findings.extend(of_readings(recording, case, &selection.family, &faults.found, options.level));
     findings.sort_by(|a, b| b.evidence.gain_nats.total_cmp(&a.evidence.gain_nats));
-    let located = locate::locate(&case, &selection.null, inputs);
-    let (left, remainder) = locate::left(&case, &selection.state, inputs);
+    let located = locate::locate(case, &selection.null, inputs);
+    let (left, remainder) = locate::left(case, &selection.state, inputs);
     unless_cancelled(watch)?;
     watch.progress(Phase::Judge, 0.4);
     let verdict = match (findings.is_empty(), left) {
@@ -223,7 +235,7 @@ fn explained<S>(
         (false, true) => Verdict::PartlyExplained,
     };
     let fit =
-        if options.hold_out { hold_out(&case, &selection.null, &selection.state) } else { Fit::default() };
+        if options.hold_out { hold_out(case, &selection.null, &selection.state) } else { Fit::default() };
     let mut notes = recording.warnings.clone();
     notes.extend(model.notes.iter().cloned());
     notes.extend(set_remainders_aside(&mut findings, recording));
@@ -237,8 +249,19 @@ fn explained<S>(
     }
     unless_cancelled(watch)?;
     watch.progress(Phase::Judge, 1.0);
-    let shown = show(&case, &selection, &findings);
+    let shown = show(case, &selection, &findings);
     Ok((Explanation { format: FORMAT, verdict, findings, fit, located, remainder, notes }, shown))
+}
+
+/// The model without the rows in which an instrument that comes early or late reads what is not in the record, if there are such.
+fn within_record(model: &Model, state: &State) -> Option<Model> {
+    let delays = Delays::new(&state.terms);
+    let beyond = |block: &Block, row: usize| {
+        let time_s = model.time_s.get(row).copied().unwrap_or_default();
+        block.sensors.iter().any(|&sensor| delays.reach_beyond(model, sensor, time_s))
+    };
+    let any = model.blocks.iter().any(|block| (0..block.rows()).any(|row| beyond(block, row)));
+    any.then(|| model.without_rows(beyond))
 }
 
 /// Takes away the findings that say of a sensor what a much stronger term on it, or on its instrument, may leave over

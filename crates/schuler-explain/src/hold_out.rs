@@ -98,7 +98,7 @@ fn parts_of(model: &Model, after: &State) -> Vec<Part> {
 pub fn hold_out(case: &Case<'_>, before: &State, after: &State) -> Fit {
     let model = case.model;
     let parts = parts_of(model, after);
-    let train = masked(model, &parts);
+    let train = model.without_rows(|_, row| parts[row] != Part::Train);
     let train_case = Case::new(&train, case.candidates, case.time_s, case.watch);
     let nominal = model.nominal_noises();
     let judged: Vec<[(Goodness, usize); 2]> = [before, after]
@@ -114,23 +114,6 @@ pub fn hold_out(case: &Case<'_>, before: &State, after: &State) -> Fit {
         BeforeAfter { before, after, intervals_s: stretches(case, &parts, part), samples }
     };
     Fit { train: part(0, Part::Train), held_out: part(1, Part::HeldOut) }
-}
-
-/// The model with the rows that are not for training missing.
-fn masked(model: &Model, parts: &[Part]) -> Model {
-    let mut masked = model.clone();
-    for block in &mut masked.blocks {
-        let rows = block.rows();
-        for (row, part) in parts.iter().enumerate() {
-            if *part != Part::Train {
-                block.present[row] = false;
-                for channel in 0..block.channels {
-                    block.data[channel * rows + row] = f64::NAN;
-                }
-            }
-        }
-    }
-    masked
 }
 
 /// Terms and the free noise parameters fitted; with the amplitudes.

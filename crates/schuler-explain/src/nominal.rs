@@ -145,6 +145,22 @@ impl Model {
         Ok(model)
     }
 
+    /// The model with rows of its blocks missing.
+    #[must_use]
+    pub fn without_rows(&self, is_missing: impl Fn(&Block, usize) -> bool) -> Self {
+        let mut less = self.clone();
+        for (block, whole) in less.blocks.iter_mut().zip(&self.blocks) {
+            let rows = block.rows();
+            for row in (0..rows).filter(|&row| is_missing(whole, row)) {
+                block.present[row] = false;
+                for channel in 0..block.channels {
+                    block.data[channel * rows + row] = f64::NAN;
+                }
+            }
+        }
+        less
+    }
+
     /// Takes out of the data what the unknown constants can hold of their means.
     ///
     /// The constants are fitted anyhow, so that nothing is lost; but readings that stand millions of standard deviations

@@ -22,7 +22,7 @@ use std::collections::HashSet;
 use rayon::prelude::*;
 
 use crate::budget::{Budget, of_round};
-use crate::catalogue::{Candidate, NoiseChange, Search, Target};
+use crate::catalogue::{Candidate, NoiseChange, ReadingFault, Search, Target};
 use crate::description::{Term, blocks_of};
 use crate::jump::{jumps, shown_beside};
 use crate::library::{FURTHEST_ALIKE, Library, Purpose};
@@ -97,6 +97,8 @@ pub struct Selection<'c> {
     pub family: Family,
     /// What each item shows.
     pub shown: Vec<(Item, Shown)>,
+    /// By what its terms are judged.
+    prices: Vec<Price>,
     /// Nothing but constants and nuisances.
     pub null: State,
     /// Whether the search ended at its budget of work.
@@ -201,7 +203,16 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
     exceeded |= for_pairs.exceeded;
     let (_, (state, bench, prices)) = best;
     let shown = shown_up_to(case, &state, &prices, &family, f64::INFINITY);
-    Selection { state, bench, family, shown, null, exceeded }
+    Selection { state, bench, family, shown, prices, null, exceeded }
+}
+
+/// What was selected, judged in another case of the same candidates: what is no longer significant leaves.
+pub fn judged_again<'c>(case: &'c Case<'c>, selection: Selection<'_>, level: f64) -> Selection<'c> {
+    let Selection { state, family, prices, null, exceeded, .. } = selection;
+    let ((state, _), (null, _)) = (refitted(case, &state, None), refitted(case, &null, None));
+    let (state, bench, prices) = pruned(case, state, prices, &family, level.ln());
+    let shown = shown_up_to(case, &state, &prices, &family, f64::INFINITY);
+    Selection { state, bench, family, shown, prices, null, exceeded }
 }
 
 /// Descriptions in which the terms of a source, or one of them, are replaced by two that promise as much together.
@@ -855,67 +866,67 @@ fn pruned<'c>(
     }
 }
 
-/// The description with several items of a source, a noise change among them, put as one noise change where that is
-/// the better description for the places and parameters that it is sought in: flicker that was taken for a Markov part
-/// and a step.
+/// The description with several items of a source that have no recorded cause put as changes of its noise alone, where that is the
+/// better description for the places and parameters that it is sought in: flicker that was taken for a Markov part and a step, a random
+/// walk for a drift and three steps.
 fn merged<'c>(
     case: &'c Case<'c>,
-    (mut state, mut bench, mut prices): Found<'c>,
+    mut found: Found<'c>,
     family: &Family,
     ln_level: f64,
     budget: &mut Budget,
 ) -> Found<'c> {
     for source in 0..case.model.sources.len() {
         let origin = &case.model.sources[source];
-        let of_source = |term: &Term| {
+        let (state, _, prices) = &found;
+        let is_of_source = |term: &Term| {
             let candidate = &case.candidates[term.candidate];
             candidate.target == Target::Sensor(origin.sensor)
                 && candidate.port == origin.port
-                && matches!(candidate.search, Search::Onset(_) | Search::Frequency)
+                && has_no_cause(candidate)
         };
-        let terms = state.terms.iter().filter(|term| of_source(term)).count();
+        let terms = state.terms.iter().filter(|term| is_of_source(term)).count();
         let changes = state.changes.iter().filter(|change| change.source == source).count();
-        if changes == 0 || terms + changes < 2 {
+        if terms == 0 || terms + changes < 2 {
             continue;
         }
         let blocks = blocks_with(case.model, source);
-        if !budget.affords(of_round(case, &state, &blocks)) {
+        if !budget.affords(of_round(case, state, &blocks)) {
             continue;
         }
-        let penalty = |gain: f64, price: &Price| gain - price.evidence(gain);
-        let own: f64 = shown(case, &state, &prices, family)
-            .iter()
-            .filter(|(item, _)| match item {
-                Item::Term(place) => of_source(&state.terms[*place]),
-                Item::Change(place) => state.changes[*place].source == source,
-            })
-            .map(|(_, shown)| shown.gain - shown.evidence)
-            .sum();
-        let mut less = state.clone();
-        less.changes.retain(|change| change.source != source);
-        less.noises[source] = origin.nominal.clone();
-        let mut less_prices = prices.clone();
-        let mut kept = state.terms.iter().map(|term| !of_source(term));
-        less_prices.retain(|_| kept.next().unwrap_or(true));
-        less.terms.retain(|term| !of_source(term));
-        let (less, less_bench) = refitted(case, &less, None);
-        let fits = less_bench.noise_changes(&less, &blocks, &|_| true);
-        let best = fits.into_iter().filter(|(_, fit)| fit.source == source).max_by(|a, b| {
-            let score = |fit: &ChangeFit| fit.gain - penalty(fit.gain, &fit.price());
-            score(&a.1).total_cmp(&score(&b.1))
-        });
-        let Some((candidate, fit)) = best else { continue };
-        let price = fit.price();
-        let mut one = less.clone();
-        add_change(&mut one, candidate, fit);
-        let (one, one_bench) = refitted(case, &one, None);
-        let gain = one.log_likelihood - less.log_likelihood;
-        let significant = family.ln_p(&case.candidates[candidate], price.evidence(gain)) <= ln_level;
-        if significant && one.log_likelihood - penalty(gain, &price) > state.log_likelihood - own {
-            (state, bench, prices) = (one, one_bench, less_prices);
+        let (mut noise, mut noise_prices) = (state.clone(), prices.clone());
+        noise.changes.retain(|change| change.source != source);
+        noise.noises[source] = origin.nominal.clone();
+        let mut kept = state.terms.iter().map(|term| !is_of_source(term));
+        noise_prices.retain(|_| kept.next().unwrap_or(true));
+        noise.terms.retain(|term| !is_of_source(term));
+        let (mut noise, mut noise_bench) = refitted(case, &noise, None);
+        for _ in 0..terms + changes {
+            let score = |fit: &ChangeFit| fit.price().evidence(fit.gain);
+            let fits = noise_bench.noise_changes(&noise, &blocks, &|_| true);
+            let best = (fits.into_iter().filter(|(_, fit)| fit.source == source))
+                .max_by(|a, b| score(&a.1).total_cmp(&score(&b.1)));
+            let Some((candidate, fit)) = best else { break };
+            if family.ln_p(&case.candidates[candidate], score(&fit)) > ln_level {
+                break;
+            }
+            add_change(&mut noise, candidate, fit);
+            (noise, noise_bench) = refitted(case, &noise, None);
+        }
+        let noise = pruned(case, noise, noise_prices, family, ln_level);
+        if worth(case, &noise, family) > worth(case, &found, family) {
+            found = noise;
         }
     }
-    (state, bench, prices)
+    found
+}
+
+/// Whether a candidate is a shape in time that nothing recorded causes, as slow noise may take any.
+fn has_no_cause(candidate: &Candidate) -> bool {
+    matches!(
+        candidate.search,
+        Search::Onset(_) | Search::Frequency | Search::Readings(ReadingFault::IntermittentJump)
+    )
 }
 
 /// The evidence of an item of a description that shows so much by its gain.

@@ -404,6 +404,41 @@ fn flicker_is_told_from_a_markov_part_and_what_that_leaves() {
 }
 
 /// Exponential-cosine noise of unit deviation.
+/// A random walk under white noise that is smaller than nominal, in short records: steps, drifts and lines are as good a description of
+/// any one walk, and each gains more than it costs.
+#[test]
+fn a_random_walk_is_not_shared_out_to_shapes() {
+    const TRIALS: u64 = 24;
+    const SHORT: usize = 400;
+    let right = |&seed: &u64| {
+        let mut random = Pcg64::seed_from_u64(120_000 + seed);
+        let mut walk = 0.0;
+        let values = (0..SHORT).map(|_| {
+            let [white, step]: [f64; 2] = [(); 2].map(|()| StandardNormal.sample(&mut random));
+            walk += 0.1 * step;
+            walk + 0.6 * white
+        });
+        let mut recording = recording(vec![values.collect()]);
+        recording.sensors[0].sensor.nominal = Nominal { white: 2.0, ..Nominal::default() };
+        let inputs = Inputs::new(&recording);
+        let mut all = candidates(SHORT, 1);
+        all.push(candidate(&FLICKER, 0, Search::Noise(NoiseChange::Flicker)));
+        let options = Options { hold_out: false, ..Options::default() };
+        let answer = explain_with(&inputs, all, &options).unwrap();
+        let has =
+            |id: &str| answer.findings.iter().any(|finding| finding.class.iter().any(|name| name == id));
+        let right = answer.findings.len() == 2 && has("white") && has("walk");
+        if !right {
+            let named = answer.findings.iter().map(|finding| (&finding.class, finding.evidence.gain_nats));
+            println!("walk {seed}: {:?}", named.collect::<Vec<_>>());
+        }
+        right
+    };
+    let right = (0..TRIALS).into_par_iter().filter(right).count();
+    println!("walk: right {right} of {TRIALS}");
+    assert!(TRIALS as usize - right <= most(TRIALS as usize, 0.05), "{right}");
+}
+
 fn oscillating(random: &mut Pcg64, rows: usize, alpha: f64, beta: f64) -> Vec<f64> {
     let mut normal = || -> f64 { StandardNormal.sample(random) };
     let (kept, driven) = ((-alpha).exp(), (1.0 - (-2.0 * alpha).exp()).sqrt());
