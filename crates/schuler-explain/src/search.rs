@@ -4,6 +4,7 @@
 //! absent, over all the places (grid points, onsets, frequencies) where it was sought: the gain in nats less a penalty
 //! that grows with the number of its parameters and places, and not with the length of the record. Family-wise
 //! probabilities count all candidates of all sensors; each family of candidates has a share of the level.
+use std::collections::HashSet;
 use std::sync::OnceLock;
 
 use nalgebra::DVector;
@@ -200,16 +201,18 @@ pub fn evaluate(bench: &Bench<'_>, promises: &mut [Promise], proposals: &mut Vec
     let known = |term: &Term| bench.terms.iter().any(|other| other.candidate == term.candidate);
     proposals.retain(|proposal| !(sought(&proposal.term) && known(&proposal.term)));
     // A candidate with several promises stands by its best.
-    let mut seen = std::collections::HashSet::new();
+    let mut seen = HashSet::new();
     proposals.retain(|proposal| seen.insert(proposal.term.candidate));
 }
 
-/// Pairs of `wanted` terms that promise to show more than `least` together, each of them something beside the other; best first.
+/// The best pairs of `wanted` terms that promise to show more than `least` together, each of them something beside the other: at most so
+/// many, of two candidates one.
 pub fn promising_pairs(
     bench: &Bench<'_>,
     family: &Family,
     wanted: &(dyn Fn(usize) -> bool + Sync),
     least: f64,
+    most: usize,
 ) -> Vec<[Term; 2]> {
     let (case, library) = (bench.case, Library::new(bench, Purpose::Pairs, wanted));
     let cost = |entry: &Entry, gain: f64| {
@@ -227,6 +230,9 @@ pub fn promising_pairs(
     let mut pairs: Vec<(f64, [&Entry; 2])> =
         library.pairs(least, FURTHER).into_iter().filter_map(shows).collect();
     pairs.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut seen = HashSet::new();
+    pairs.retain(|(_, pair)| seen.insert(pair.map(|entry| entry.candidate)));
+    pairs.truncate(most);
     let term = |entry: &Entry| {
         Term::new(entry.candidate, &case.candidates[entry.candidate], &entry.point, case.time_s)
     };

@@ -17,8 +17,6 @@
 //! the search goes on from the best of them ([`Library::pairs`]).
 //!
 //! All that has a budget of work ([`crate::budget`]): the search from nothing has two thirds of it, all others share what it leaves.
-use std::collections::HashSet;
-
 use rayon::prelude::*;
 
 use crate::budget::{Budget, of_round};
@@ -261,10 +259,7 @@ fn pairs_instead(
         let (less, bench) = refitted(case, &less, Some(&blocks));
         let shown_by_them = state.log_likelihood - less.log_likelihood - costs;
         let least = shown_by_them - PAIR_BEHIND;
-        let mut pairs = promising_pairs(&bench, family, &is_of_source, least);
-        let mut seen = HashSet::new();
-        pairs.retain(|pair| seen.insert(pair.each_ref().map(|term| term.candidate)));
-        pairs.truncate(PAIRS_TRIED);
+        let pairs = promising_pairs(&bench, family, &is_of_source, least, PAIRS_TRIED);
         let exact = |pair: [Term; 2]| with_pair(case, &less, &less_prices, pair, family, ln_level);
         let mut exact: Vec<(f64, Start)> = pairs.into_par_iter().filter_map(exact).collect();
         exact.retain(|(shown, _)| *shown > least);
