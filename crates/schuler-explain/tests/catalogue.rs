@@ -653,6 +653,15 @@ fn hysteresis_knows_heating_from_cooling() {
             assert!((value - expected).abs() < 1e-6, "row {row}: {value}");
         }
     }
+    // A warm-up that turns back by a tenth of the way shows narrow branches, and no wide ones.
+    let warming = |t: f64| 20.0 + 10.0 * (1.0 - (-t / 6000.0).exp()) + 0.7 * (TAU * t / 12_000.0).sin();
+    let scene = Scene::new(MotionKind::Static, 6000, 10.0)
+        .sensor("g", SensorKind::Fog, Unit::DegreePerHour, [1.0, 0.0, 0.0])
+        .aux("T", Quantity::Temperature, "degC", None, warming);
+    let inputs = Inputs::new(&scene.0);
+    let found = at(&inputs, "bias_thermal_hysteresis", 0, &[]);
+    let Search::Grid { parameters, .. } = &found[0].search else { panic!("a width is sought") };
+    assert!(parameters[0].grid.last().is_some_and(|&widest| (0.9..2.3).contains(&widest)), "{parameters:?}");
     // A single ramp has no turns.
     let scene = Scene::new(MotionKind::Static, 6000, 10.0)
         .sensor("g", SensorKind::Fog, Unit::DegreePerHour, [1.0, 0.0, 0.0])

@@ -22,10 +22,12 @@ const REFERENCE_BEYOND: f64 = 0.75;
 const REFERENCE_POINTS: usize = 11;
 /// References far outside, in ranges beyond the ends: from the last on a power is a straight line.
 const REFERENCE_FAR: [f64; 3] = [1.5, 3.0, 6.0];
-/// Turns of the temperature that hysteresis needs to show both branches, each by this part of the range. One turn shows them
-/// once, as a step would: what the record cannot tell apart is to be told.
+/// Turns of the temperature that hysteresis needs to show both branches, and by which parts of the range, the first that is there. One turn
+/// shows them once, as a step would: what the record cannot tell apart is to be told.
 const TURNS: usize = 1;
-const TURN_PART: f64 = 0.2;
+const TURN_PARTS: [f64; 3] = [0.2, 0.1, 0.05];
+/// Steps of the thermometer by which it has to turn.
+const TURN_COUNTS: f64 = 4.0;
 
 const IEEE_813: &str =
     "IEEE Std 813, IEEE Std 1293 (temperature sensitivities); Tarygin 2024 for the rate and gradient terms";
@@ -175,11 +177,14 @@ pub(super) const BIAS_THERMAL_HYSTERESIS: Effect = Effect {
     candidates: |effect, inputs| {
         per_thermometer(effect, inputs, |place, thermometer| {
             let span = range(&thermometer.temperature);
-            if turns(&thermometer.temperature, TURN_PART * span) < TURNS {
-                return Vec::new();
-            }
+            let turns_back = |part: &f64| {
+                let by = part * span;
+                by > TURN_COUNTS * thermometer.quantisation && turns(&thermometer.temperature, by) >= TURNS
+            };
+            let Some(part) = TURN_PARTS.into_iter().find(turns_back) else { return Vec::new() };
             let least = (0.01 * span).max(thermometer.quantisation);
-            let grid = logarithmic(least, 0.4 * span, 5.0);
+            // Wider, it would hardly turn with the temperature.
+            let grid = logarithmic(least, 2.0 * part * span, 5.0);
             if grid.len() < 2 {
                 return Vec::new();
             }
