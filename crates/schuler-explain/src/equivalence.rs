@@ -32,10 +32,13 @@ const PRICED_NATS: f64 = 2.0 * CLASS_NATS;
 const INDIFFERENT_NATS: f64 = 0.5;
 /// The effect of axes that are not where they are said to be.
 const MISALIGNMENT: &str = "misalignment";
+/// What looks alike on a sensor that turns about its axis.
+const ANGULAR_ACCELERATION: &str = "angular_acceleration";
+const TIME_DELAY: &str = "time_delay";
 
 /// What a radio sensor does rather than an inertial velocity.
 const OF_RADIO: [&str; 9] = [
-    "time_delay",
+    TIME_DELAY,
     "bandwidth_lag",
     MISALIGNMENT,
     "lever_arm",
@@ -262,7 +265,18 @@ fn prefer_instrument(case: &Case<'_>, found: &mut [Alternative]) {
         candidate.effect.id == MISALIGNMENT
             && source.is_some_and(|source| source.unit.dimension() != Dimension::Velocity)
     };
-    let leads = |other: &Alternative| {
+    // What one gyro shows at its angular acceleration is a delay, of whose instrument only this gyro turns, as well as its own.
+    let is_late = |other: &Alternative| {
+        let candidate = &case.candidates[other.candidate];
+        let (Target::Sensor(sensor), Target::Group { sensors, .. }) = (&first.target, &candidate.target)
+        else {
+            return false;
+        };
+        (first.effect.id, candidate.effect.id) == (ANGULAR_ACCELERATION, TIME_DELAY)
+            && sensors.contains(sensor)
+            && other.gain > best.gain - INDIFFERENT_NATS
+    };
+    let of_one_effect = |other: &Alternative| {
         let candidate = &case.candidates[other.candidate];
         candidate.effect.id == first.effect.id
             && match (&first.target, &candidate.target) {
@@ -277,8 +291,10 @@ fn prefer_instrument(case: &Case<'_>, found: &mut [Alternative]) {
                 _ => false,
             }
     };
-    if let Some(place) = found.iter().position(leads) {
+    if let Some(place) = found.iter().position(of_one_effect) {
         found[..=place].rotate_right(1);
+    } else if let Some(place) = found.iter().position(is_late) {
+        lead_as_simpler(found, place);
     }
 }
 
