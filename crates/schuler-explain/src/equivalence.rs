@@ -32,8 +32,9 @@ const PRICED_NATS: f64 = 2.0 * CLASS_NATS;
 const INDIFFERENT_NATS: f64 = 0.5;
 /// The effect of axes that are not where they are said to be.
 const MISALIGNMENT: &str = "misalignment";
-/// What looks alike on a sensor that turns about its axis.
+/// The effect that on a sensor that turns about its axis looks like the next.
 const ANGULAR_ACCELERATION: &str = "angular_acceleration";
+/// The effect of readings that come late.
 const TIME_DELAY: &str = "time_delay";
 
 /// What a radio sensor does rather than an inertial velocity.
@@ -265,7 +266,7 @@ fn prefer_instrument(case: &Case<'_>, found: &mut [Alternative]) {
         candidate.effect.id == MISALIGNMENT
             && source.is_some_and(|source| source.unit.dimension() != Dimension::Velocity)
     };
-    // What one gyro shows at its angular acceleration is a delay, of whose instrument only this gyro turns, as well as its own.
+    // An error with the angular acceleration of the one gyro that turns is as well a delay of its instrument.
     let is_late = |other: &Alternative| {
         let candidate = &case.candidates[other.candidate];
         let (Target::Sensor(sensor), Target::Group { sensors, .. }) = (&first.target, &candidate.target)

@@ -256,6 +256,9 @@ fn explained<S>(
 /// The model without the rows in which an instrument that comes early or late reads what is not in the record, if there are such.
 fn within_record(model: &Model, state: &State) -> Option<Model> {
     let delays = Delays::new(&state.terms);
+    if delays.is_empty() {
+        return None;
+    }
     let beyond = |block: &Block, row: usize| {
         let time_s = model.time_s.get(row).copied().unwrap_or_default();
         block.sensors.iter().any(|&sensor| delays.reach_beyond(model, sensor, time_s))

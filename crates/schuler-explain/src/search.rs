@@ -175,21 +175,18 @@ pub fn promises(
 /// Evaluates the best of `promises` exactly that were not before, and adds them to `proposals`, best first.
 pub fn evaluate(bench: &Bench<'_>, promises: &mut [Promise], proposals: &mut Vec<Proposal>) {
     promises.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
-    let listed = |promises: &[Promise], best: f64| {
-        let close = promises.partition_point(|promise| promise.evidence > best - CLOSE);
-        close.clamp(SHORT_LIST, LONGEST_LIST)
-    };
     // And the best of each block, beside which changes of its noise are judged.
     let mut is_led = vec![false; bench.case.model.blocks.len()];
-    let mut leads = |promise: &Promise| {
+    let leads = |promise: &Promise| {
         let Target::Sensor(sensor) = bench.case.candidates[promise.candidate].target else { return false };
         bench.case.model.block_of(sensor).is_some_and(|block| !std::mem::replace(&mut is_led[block], true))
     };
-    let is_lead: Vec<bool> = promises.iter().map(&mut leads).collect();
+    let is_lead: Vec<bool> = promises.iter().map(leads).collect();
     let mut best = promises.first().map_or(0.0, |promise| promise.evidence);
     // First those that promise most, then those that promise as much as these show: a scan may promise more than there is.
     for _ in 0..2 {
-        let listed = listed(promises, best);
+        let close = promises.partition_point(|promise| promise.evidence > best - CLOSE);
+        let listed = close.clamp(SHORT_LIST, LONGEST_LIST);
         let evaluated: Vec<Proposal> = (promises.par_iter_mut().zip(&is_lead).enumerate())
             .filter(|(place, (promise, is_lead))| (**is_lead || *place < listed) && !promise.evaluated)
             .filter(|_| !bench.case.watch.is_cancelled())

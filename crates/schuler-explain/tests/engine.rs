@@ -403,7 +403,6 @@ fn flicker_is_told_from_a_markov_part_and_what_that_leaves() {
     assert!(TRIALS as usize - right <= most(TRIALS as usize, 0.05), "{right}");
 }
 
-/// Exponential-cosine noise of unit deviation.
 /// A random walk under white noise that is smaller than nominal, in short records: steps, drifts and lines are as good a description of
 /// any one walk, and each gains more than it costs.
 #[test]
@@ -439,6 +438,7 @@ fn a_random_walk_is_not_shared_out_to_shapes() {
     assert!(TRIALS as usize - right <= most(TRIALS as usize, 0.05), "{right}");
 }
 
+/// Exponential-cosine noise of unit deviation.
 fn oscillating(random: &mut Pcg64, rows: usize, alpha: f64, beta: f64) -> Vec<f64> {
     let mut normal = || -> f64 { StandardNormal.sample(random) };
     let (kept, driven) = ((-alpha).exp(), (1.0 - (-2.0 * alpha).exp()).sqrt());
