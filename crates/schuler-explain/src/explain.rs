@@ -171,7 +171,7 @@ fn explained<S>(
         Model::new(recording, &faults.masked).map_err(Error::NothingToCompare)?
     };
     account_for_lattices(&mut model, recording, &of_angle);
-    candidates.retain(|candidate| acts(&model, candidate) && !is_spoilt(candidate, &faults.found));
+    candidates.retain(|candidate| acts(&model, candidate) && !is_spoilt(candidate, &faults.found, recording));
     let nuisances = estimate_unknown(&mut model);
     let noises = model.nominal_noises();
     for block in &model.blocks {
@@ -382,11 +382,19 @@ fn shift_by_rounding(step: f64, white: f64) -> f64 {
 }
 
 /// Whether a candidate is about the noise, or a mean that comes and goes, of an output that is clipped or coarse: what is left of it
-/// then is not what the sensor's noise was, and readings of a few levels have a mean for each.
-fn is_spoilt(candidate: &Candidate, faults: &[Fault]) -> bool {
+/// then is not what the sensor's noise was, and readings of a few levels have a mean for each. Rounding to less than the noise adds to it
+/// and leaves it as it was.
+fn is_spoilt(candidate: &Candidate, faults: &[Fault], recording: &Recording) -> bool {
     let spoils = |fault: &Fault| {
-        matches!(fault.fault, ReadingFault::Saturated | ReadingFault::Quantised)
-            && sensors_of(candidate).contains(&fault.sensor)
+        let spoilt = match fault.fault {
+            ReadingFault::Saturated => true,
+            ReadingFault::Quantised => {
+                let step = fault.parameters.first().map_or(0.0, |parameter| parameter.1);
+                step >= recording.sensors[fault.sensor].sensor.nominal.white
+            }
+            _ => false,
+        };
+        spoilt && sensors_of(candidate).contains(&fault.sensor)
     };
     let of_noise =
         matches!(candidate.search, Search::Noise(_) | Search::Readings(ReadingFault::IntermittentJump));

@@ -21,7 +21,7 @@ use crate::statistics::ln_chi_squared_tail;
 use crate::whiten::Filter;
 
 /// Gain of a further Markov part from which on jumps are sought.
-const WORTH_TRYING: f64 = 6.0;
+const WORTH_TRYING: f64 = 3.0;
 /// Parts of the time on that are tried.
 const PARTS_ON: [f64; 2] = [0.1, 0.3];
 /// Histories kept.

@@ -65,6 +65,7 @@ pub mod noise;
 pub mod noise_change;
 pub mod noise_fit;
 pub mod nominal;
+mod onset_energy;
 pub mod price;
 pub mod radio_identification;
 pub mod readings;

@@ -16,8 +16,9 @@ use schuler_recording::case::{MotionKind, SensorKind};
 use schuler_recording::motion::predict;
 use schuler_recording::unit::{Dimension, Unit};
 
-use crate::catalogue::{Column, Port};
+use crate::catalogue::{Column, OnsetShape, Port};
 use crate::noise::Noise;
+use crate::onset_energy::{self, Shape};
 use crate::whiten::{Filter, Space};
 
 /// Standard deviations of the loop's velocity error, m/s, and vertical error, rad, at the start.
@@ -522,6 +523,45 @@ impl Block {
                     .map_or_else(|| scores.to_vec(), |enters| step.transposed_response(scores, enters)),
             ),
         }
+    }
+
+    /// What a shape at a port of a sensor adds to the channels from the row on at which it begins, 0 in the rows before; `None` where
+    /// it does not reach them. A ramp rises by 1 a row. As [`project`](Self::project) of its column, but that a loop goes on
+    /// after the last row.
+    pub(crate) fn begins(&self, sensor: usize, port: Port, shape: OnsetShape) -> Option<Shape> {
+        let place = self.sensors.iter().position(|&own| own == sensor)?;
+        let through = match &self.geometry {
+            Geometry::Loop(step) => step.of_port(port).map(|enters| (step.transition, enters)),
+            _ if port != Port::Output => return None,
+            _ => None,
+        };
+        let weights = match &self.geometry {
+            Geometry::Parity(parity) => parity.column(place).iter().copied().collect(),
+            _ => vec![1.0],
+        };
+        // States: those of the loop, the ramp, its slope; or of a step 0 and 1.
+        let (ramp, one) = (2, 3);
+        let is_ramp = shape == OnsetShape::Ramp;
+        let mut transition = [[0.0; onset_energy::MOST]; onset_energy::MOST];
+        let (mut seen, mut start) = ([0.0; onset_energy::MOST], [0.0; onset_energy::MOST]);
+        (transition[one][one], start[one]) = (1.0, 1.0);
+        if is_ramp {
+            (transition[ramp][ramp], transition[ramp][one]) = (1.0, 1.0);
+        }
+        match through {
+            Some((own, enters)) => {
+                for i in 0..2 {
+                    transition[i][..2].copy_from_slice(&own[i]);
+                    // The mean over a row, which that before the first has a half of.
+                    transition[i][one] = if is_ramp { 0.5 * enters[i] } else { enters[i] };
+                    transition[i][ramp] = if is_ramp { enters[i] } else { 0.0 };
+                    start[i] = if is_ramp { 0.0 } else { 0.5 * enters[i] };
+                }
+                seen[0] = 1.0;
+            }
+            None => seen[if is_ramp { ramp } else { one }] = 1.0,
+        }
+        Some(Shape { weights, transition, seen, start })
     }
 
     /// The model in state-space form with the given noises of all sources.

@@ -5,7 +5,7 @@
 //! - stuck: a run of L equal readings, where neighbours are equal with the probability p elsewhere: N pᴸ;
 //! - clipped: more readings at the extreme value than at the next, which in a tail are fewer: binomial with ½; or more
 //!   that are equal than coincide elsewhere;
-//! - coarse: all readings on a lattice coarser than nominal and than the noise;
+//! - coarse: all readings on a lattice coarser than nominal, and than the noise or than so many readings let pass unseen;
 //! - spikes: n readings that stand off from their neighbours on both sides: n C(N, n) Π 2Φ(−uᵢ), at the n that shows
 //!   most. u is the distance from the median of the neighbours, as many of them as make it spread least: few where the output
 //!   wanders, many where its noise is white.
@@ -33,8 +33,10 @@ const FEWEST_STAYS: usize = 3;
 const CLIPPED_RATIO: f64 = 4.0;
 /// Fewest different values of an output that may be clipped.
 const FEWEST_LEVELS: usize = 12;
-/// A lattice matters if its step is at least this part of the white noise.
+/// A lattice matters if its step is at least this part of the white noise,
 const LEAST_STEP: f64 = 1.0;
+/// or if the noise of rounding, which is step²/12, is worth so many nats in a record of that length.
+const LEAST_OF_ROUNDING: f64 = 10.0;
 /// A lattice is coarser than nominal by at least this factor.
 const COARSER: f64 = 1.5;
 /// Fewest different readings that show a lattice: two lie on one anyhow, and show it if they come again so often.
@@ -307,13 +309,17 @@ fn held_once(values: &[f64], ends: &[f64]) -> Vec<f64> {
     kept
 }
 
-/// Whether the lattice on which all readings lie is coarser than nominal and than the noise.
+/// Whether the lattice on which all readings lie is coarser than nominal and matters beside the noise.
 fn coarse(sensor: usize, values: &[f64], lattice: Lattice, nominal: f64, white: f64) -> Option<Fault> {
     let Lattice { step, levels } = lattice;
     let finite: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
     let crossings = finite.windows(2).filter(|pair| pair[0] != pair[1]).count();
     let is_lattice = levels >= FEWEST_OF_LATTICE || crossings >= FEWEST_CROSSINGS;
-    (is_lattice && step > COARSER * nominal && step >= LEAST_STEP * white).then(|| Fault {
+    // N readings whose variance is 1 + x of what it is held for: ½N (x − ln(1 + x)) nats.
+    let rounding = (step.powi(2) - nominal.powi(2)) / 12.0 / white.powi(2);
+    let worth = 0.5 * finite.len() as f64 * (rounding - rounding.ln_1p());
+    let matters = step >= LEAST_STEP * white || worth >= LEAST_OF_ROUNDING;
+    (is_lattice && step > COARSER * nominal && matters).then(|| Fault {
         sensor,
         fault: ReadingFault::Quantised,
         // Each reading has fallen into the tolerance about the lattice.
@@ -515,6 +521,18 @@ mod tests {
         assert_eq!(found(&|k| jitter(k) > 0.97), Some(3.0));
         assert_eq!(found(&|k| k > 700), None);
         assert_eq!(found(&|k| k % 300 == 7), None);
+    }
+
+    /// Rounding to less than the noise matters where there are so many readings that its variance is seen.
+    #[test]
+    fn a_step_below_the_noise_matters_in_a_long_record() {
+        let found = |rows: usize| {
+            let values: Vec<f64> = (0..rows).map(|k| 0.8 * (k % 9) as f64).collect();
+            coarse(0, &values, lattice(&values).unwrap(), 0.0, 1.0).is_some()
+        };
+        // 0.8²/12 of the variance: half of 0.053² a reading, halved again, is 10 nats from 14 600 readings on.
+        assert!(!found(14_000));
+        assert!(found(16_000));
     }
 
     /// A coarse output that stands still between manoeuvres repeats itself; one as fine as its noise does not.

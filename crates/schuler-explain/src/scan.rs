@@ -1,12 +1,14 @@
 //! Scores of steps and ramps at every onset, and of sinusoids at every frequency, from one adjoint pass.
 //!
-//! With q = R⁻¹r the score of a step at t₀ is Σ q from t₀ on, of a ramp the sum of those sums; the energy of the
-//! whitened response of the settled filter is the denominator. The score of a sinusoid is the Fourier transform of q,
-//! and the inverse of the model's spectrum its denominator. What is already described is projected out. What stands out
-//! is evaluated exactly by the caller. The price of the search is the tail of the maximum over the chain of scores. How fast
-//! that chain forgets follows from the energies of the differences of two signatures, what is described projected out: scores
-//! of a step on white noise forget like a random walk, those of a ramp, or of a step that a Schuler loop has integrated, are
-//! smooth.
+//! With q = R⁻¹r the score of a step at t₀ is Σ q from t₀ on, of a ramp the sum of those sums; the energy of its whitened
+//! response, from one pass backwards, is the denominator. The score of a sinusoid is the Fourier transform of q, and the inverse
+//! of the model's spectrum its denominator. What is already described is projected out. What stands out is evaluated by the
+//! caller, which for a sinusoid is another value. The price of the search is the tail of the maximum over the chain of
+//! scores. How fast that chain forgets follows from the energies of the differences of two signatures under the settled filter,
+//! what is described projected out: scores of a step on white noise forget like a random walk, those of a ramp, or of a step
+//! that a Schuler loop has integrated, are smooth.
+use std::sync::OnceLock;
+
 use nalgebra::{Complex, DMatrix, DVector};
 use realfft::RealFftPlanner;
 
@@ -14,6 +16,7 @@ use crate::catalogue::{Column, OnsetShape, Port};
 use crate::least_squares::{dot, solve};
 use crate::noise::Noise;
 use crate::nominal::Block;
+use crate::onset_energy::onset_energies;
 use crate::statistics::{ln_frequency_scan_tail, ln_scan_tail, maxima_per_place};
 use crate::whiten::Filter;
 
@@ -55,7 +58,12 @@ pub struct Scanner<'b> {
     /// R⁻¹ of the regressors.
     regressors: Vec<Vec<f64>>,
     inverse: DMatrix<f64>,
+    /// Energies of the shapes that begin at each row, once they are asked for.
+    energies: OnceLock<Vec<(Place, Vec<f64>)>>,
 }
+
+/// Where a shape acts, and which.
+type Place = (usize, Port, OnsetShape);
 
 impl<'b> Scanner<'b> {
     /// `remainder`: whitened residual after the regressors; `regressors`: whitened.
@@ -70,7 +78,24 @@ impl<'b> Scanner<'b> {
             scores: filter.adjoint(remainder),
             regressors: regressors.iter().map(|column| filter.adjoint(column)).collect(),
             inverse,
+            energies: OnceLock::new(),
         }
+    }
+
+    /// Energy of the whitened response to a shape that begins at each row.
+    fn energies(&self, place: Place) -> Option<&[f64]> {
+        let all = self.energies.get_or_init(|| {
+            let ports = [Port::Output, Port::Accelerometer, Port::Gyro];
+            let shapes = [OnsetShape::Step, OnsetShape::Ramp];
+            let places = (self.block.sensors.iter())
+                .flat_map(|&sensor| ports.map(|port| (sensor, port)))
+                .flat_map(|(sensor, port)| shapes.map(|shape| (sensor, port, shape)));
+            let (places, shapes): (Vec<Place>, Vec<_>) = places
+                .filter_map(|place| Some((place, self.block.begins(place.0, place.1, place.2)?)))
+                .unzip();
+            places.into_iter().zip(onset_energies(self.filter, &shapes)).collect()
+        });
+        all.iter().find(|(of, _)| *of == place).map(|(_, energies)| energies.as_slice())
     }
 
     /// Scans all onsets of a shape on a sensor.
@@ -91,22 +116,16 @@ impl<'b> Scanner<'b> {
         };
         let scores = summed(&self.scores)?;
         let regressors: Vec<Vec<f64>> = self.regressors.iter().map(|r| summed(r)).collect::<Option<_>>()?;
+        let energies = self.energies((sensor, port, shape))?;
         let response = self.response(sensor, port, shape)?;
-        let own = energy(&response, rows, 0);
-        // Energy of a signature at each onset, less what is missing.
-        let mut after = 0.0;
-        let mut present = vec![0.0; rows];
-        for row in (0..rows).rev() {
-            after += f64::from(u8::from(self.block.present[row]));
-            present[row] = after / (rows - row) as f64;
-        }
+        // Of the differences those that a filter has which has settled, with nothing missing, as a part of what the shapes have there.
+        let settled = energy(&response, rows, 0);
         // What is left of an energy when what is described is taken out, by its products with that.
         let left = |whole: f64, cross: &dyn Fn(&[f64]) -> f64| {
             let cross = DVector::from_fn(regressors.len(), |i, _| cross(&regressors[i]));
             whole - if cross.is_empty() { 0.0 } else { cross.dot(&(&self.inverse * &cross)) }
         };
-        let energy_at = |row: usize| {
-            let whole = own[rows - row - 1] * present[row];
+        let seen = |row: usize, whole: f64| {
             let left = left(whole, &|products| products[row]);
             if left > SEEN * whole { left } else { 0.0 }
         };
@@ -114,7 +133,7 @@ impl<'b> Scanner<'b> {
         let last = rows.saturating_sub(MARGIN_ROWS);
         let gains: Vec<f64> = (first..last.max(first))
             .map(|row| {
-                let energy = energy_at(row);
+                let energy = seen(row, energies[row]);
                 if energy > 0.0 { 0.5 * scores[row] * scores[row] / energy } else { 0.0 }
             })
             .collect();
@@ -135,10 +154,11 @@ impl<'b> Scanner<'b> {
         for &lag in &lags {
             let differences = energy(&response, rows, lag);
             for (&row, forgotten) in places.iter().zip(&mut forgotten).filter(|(row, _)| **row + lag < last) {
-                let (here, there) = (energy_at(row), energy_at(row + lag));
-                let apart = left(differences[rows - row - 1] * present[row], &|products| {
-                    products[row] - products[row + lag]
-                });
+                let (here, there) = (energies[row], energies[row + lag]);
+                let settled = settled[rows - row - 1] + settled[rows - row - lag - 1];
+                let whole = differences[rows - row - 1] * (here + there) / settled;
+                let apart = left(whole, &|products| products[row] - products[row + lag]);
+                let (here, there) = (seen(row, here), seen(row + lag, there));
                 let one_less = 0.5 * (apart - (here.sqrt() - there.sqrt()).powi(2)) / (here * there).sqrt();
                 forgotten.push(if one_less.is_finite() { one_less.max(0.0) } else { 0.0 });
             }

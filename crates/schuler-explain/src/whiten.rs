@@ -10,6 +10,8 @@
 
 use std::ops::Range;
 
+use nalgebra::DMatrix;
+
 use crate::course::{Course, course};
 
 /// Columns that run together where there are few, and where there are many.
@@ -143,6 +145,23 @@ impl Filter {
     /// Number of states.
     pub fn states(&self) -> usize {
         self.states
+    }
+
+    /// Number of channels.
+    pub fn channels(&self) -> usize {
+        self.channels
+    }
+
+    /// Φ and H.
+    pub fn transition_and_output(&self) -> (DMatrix<f64>, DMatrix<f64>) {
+        let n = self.states;
+        let mut transition = DMatrix::zeros(n, n);
+        for (i, from) in self.transition.iter().enumerate() {
+            for &(j, weight) in from {
+                transition[(i, j)] = weight;
+            }
+        }
+        (transition, DMatrix::from_row_slice(self.channels, n, &self.seen))
     }
 
     /// Number of values that its gains are.

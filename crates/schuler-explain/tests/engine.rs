@@ -10,12 +10,14 @@ use schuler_explain::catalogue::{
     Amplitude, CATALOGUE, Candidate, Column, Effect, NoiseChange, Nonlinear, OnsetShape, Port, ReadingFault,
     Search, Signature, Target,
 };
+use schuler_explain::description::Term;
 use schuler_explain::explain::{Error, Options, explain, explain_with};
 use schuler_explain::explanation::{Explanation, Verdict};
 use schuler_explain::inputs::Inputs;
 use schuler_explain::jump::{jumps, shown_beside};
 use schuler_explain::nominal::Model;
 use schuler_explain::readings::faults;
+use schuler_explain::scan::Scanner;
 use schuler_explain::state::{Bench, Case};
 use schuler_explain::watch::Unwatched;
 use schuler_recording::Recording;
@@ -290,6 +292,76 @@ fn onsets_inside_a_loop_are_counted() {
     assert!(false_alarms <= most(TRIALS, SHARE * LEVEL), "{false_alarms}");
     // Not by a price that nothing can pay.
     assert!(false_alarms >= 3, "{false_alarms}");
+}
+
+/// One sensor, a redundant pair and a Schuler loop, each with outages: what a scan says of an onset is what the shape shows there.
+#[test]
+fn onsets_are_scanned_exactly_through_outages() {
+    const LONG: usize = 3000;
+    let with_outages = |mut values: Vec<f64>| {
+        // Single readings, two outages, one of them early, and the end.
+        (0..LONG).step_by(37).for_each(|row| values[row] = f64::NAN);
+        [20..110, 1400..1900, 2900..LONG].into_iter().for_each(|rows| values[rows].fill(f64::NAN));
+        values
+    };
+    let of = SchulerLoop {
+        radius_m: 6.371e6,
+        gravity: 9.806_65,
+        accelerometer: Some(Markov { sigma: 2e-4, tau_s: 200.0 }),
+        gyro: Some(Markov { sigma: 5e-8, tau_s: 1500.0 }),
+        velocity_white: 0.05,
+    };
+    let nominal = Nominal {
+        white: WHITE_SIGMA,
+        markov: Some(Markov { sigma: MARKOV_SIGMA, tau_s: TAU_S }),
+        ..Nominal::default()
+    };
+    let series = |kind: SensorKind, nominal: &Nominal, values: Vec<f64>| {
+        let id = format!("{kind:?}");
+        let kind = (kind, Unit::MetrePerSecond);
+        common::series(&id, kind, [1.0, 0.0, 0.0], nominal.clone(), with_outages(values))
+    };
+    let radio = |seed: u64| series(SensorKind::Doppler, &nominal, noise(seed, LONG));
+    let inertial = series(SensorKind::InsVelocity, &Nominal::default(), loop_noise(70_002, LONG, &of));
+    let recordings = [
+        common::recording(MotionKind::Static, vec![radio(70_000)]),
+        common::recording(MotionKind::Unknown, vec![radio(70_000), radio(70_001)]),
+        common::recording(MotionKind::VelocityError, vec![inertial]),
+    ];
+    let mut scanned = 0;
+    for mut recording in recordings {
+        recording.case.schuler_loop = Some(of);
+        let model = Model::new(&recording, &[]).unwrap();
+        let all: Vec<Candidate> = [Port::Output, Port::Accelerometer, Port::Gyro]
+            .into_iter()
+            .flat_map(|port| {
+                [(&STEP, OnsetShape::Step), (&RAMP, OnsetShape::Ramp)]
+                    .map(|(effect, shape)| Candidate { port, ..candidate(effect, 0, Search::Onset(shape)) })
+            })
+            .collect();
+        let case = Case::new(&model, &all, &model.time_s, &Unwatched);
+        let bench = Bench::new(&case, &[], &model.nominal_noises());
+        let whitened = bench.blocks[0].as_ref().unwrap();
+        let scanner =
+            Scanner::new(&model.blocks[0], &whitened.filter, &whitened.remainder, &whitened.columns[1..]);
+        for (index, candidate) in all.iter().enumerate() {
+            let Search::Onset(shape) = candidate.search else { continue };
+            let Some(scan) = scanner.onsets(0, candidate.port, shape, &model.time_s) else { continue };
+            for peak in scan.peaks {
+                let (gain, _) = bench.gain_of(&Term::new(index, candidate, &[peak.at], &model.time_s));
+                assert!(
+                    (peak.gain - gain).abs() < 1e-6 * (1.0 + gain),
+                    "{:?} {shape:?} at {}: {} and {gain}",
+                    candidate.port,
+                    peak.at,
+                    peak.gain
+                );
+                scanned += 1;
+            }
+        }
+    }
+    // Three peaks of two shapes, at one port of one sensor and of a pair, and at three of a loop.
+    assert_eq!(scanned, 3 * 2 * (1 + 1 + 3));
 }
 
 /// Share of `trials` in which the effect is in the class of the first finding on the first sensor, and nothing else is
