@@ -5,6 +5,7 @@
 //! x is: 0.7 % for c = 3. Identifiers on the same sensor within that distance of the best are the finding's class;
 //! others are its rivals.
 use std::collections::HashSet;
+use std::sync::Arc;
 
 use schuler_recording::unit::Dimension;
 
@@ -17,6 +18,7 @@ use crate::jump::RATES;
 use crate::noise_change::ChangeFit;
 use crate::nominal::Model;
 use crate::price::Price;
+use crate::refit::THREE_SIGMA_NATS;
 use crate::search::{Family, deterministic, library};
 use crate::select::{Item, add_change, blocks_with, touches, without};
 use crate::state::{Bench, Case, State, refitted};
@@ -366,13 +368,47 @@ pub fn class(case: &Case<'_>, bench: &Bench<'_>, alternatives: &[Alternative]) -
             separated_by: separated_by(own, candidate),
         });
     }
+    if let Some(part) = part_of_its_own(case, bench, first)
+        && seen.insert((name.clone(), part))
+    {
+        class.push(part.to_owned());
+        rivals.push(Rival {
+            sensor: name,
+            effect: part.to_owned(),
+            principal_angle_deg: 0.0,
+            behind_nats: 0.0,
+            separated_by: REFERENCE.to_owned(),
+        });
+    }
     (class, rivals)
+}
+
+/// What the part of a description that another reference adds to it would be by itself, where the data show that part: with it beside it the
+/// description has any reference and is as good.
+fn part_of_its_own(case: &Case<'_>, bench: &Bench<'_>, found: &Alternative) -> Option<&'static str> {
+    let whole = found.term.as_ref()?;
+    let part = part_at_mean(case, whole)?;
+    let mut less = whole.clone();
+    less.columns = Arc::new(whole.columns.iter().filter(|&column| column != part).cloned().collect());
+    if bench.gain_of(whole).0 - bench.gain_of(&less).0 < THREE_SIGMA_NATS {
+        return None;
+    }
+    let own = &case.candidates[whole.candidate];
+    let is_part = |other: &&Candidate| {
+        (&other.target, other.port) == (&own.target, own.port)
+            && matches!(&other.search, Search::Linear(signature) if signature.columns == [part.clone()])
+    };
+    Some(case.candidates.iter().find(is_part)?.effect.id)
 }
 
 /// What tells an error of the loop's accelerometer from one of its gyro: the loop turns the platform until its velocity no longer
 /// grows, so that an accelerometer's error a is the same as a tilt at the start and a gyro's drift ȧ/g.
 const ACROSS_THE_LOOP: &str = "measure the platform's tilt from outside: an accelerometer's error a tilts it by a/g, a gyro's drift \
     ȧ/g that gives the same velocity does not; no profile of the temperature tells the two apart";
+
+/// What tells a dependence whose reference is not known from one with a constant beside it.
+const REFERENCE: &str = "state the reference at which it is nominal: what there is at the mean may be an error of its own beside the \
+    dependence, in part or in all";
 
 fn separated_by(own: &Candidate, other: &Candidate) -> String {
     let inertial = |port: Port| matches!(port, Port::Accelerometer | Port::Gyro);

@@ -96,7 +96,8 @@ pub fn onset_energies(filter: &Filter, shapes: &[Shape]) -> Vec<Vec<f64>> {
         if !settled {
             let turned = gained.closed.tr_mul(&states);
             let of = |(along, whitened): &(DVector<f64>, DVector<f64>)| {
-                let seen = gained.seen.as_ref().map_or_else(|| DVector::zeros(n), |seen| seen.tr_mul(whitened));
+                let seen =
+                    gained.seen.as_ref().map_or_else(|| DVector::zeros(n), |seen| seen.tr_mul(whitened));
                 (&turned * along - seen, whitened.norm_squared() + along.dot(&(&states * along)))
             };
             added = gained.of_shapes.iter().map(of).collect();
@@ -109,7 +110,8 @@ pub fn onset_energies(filter: &Filter, shapes: &[Shape]) -> Vec<Vec<f64>> {
         }
         for (number, (sums, shape)) in sums.iter_mut().zip(shapes).enumerate() {
             // YF, which c bᵀYF and ΨᵀYF share.
-            let moved: Vec<[f64; MOST]> = sums.mixed.iter().map(|row| times(row, &shape.transition)).collect();
+            let moved: Vec<[f64; MOST]> =
+                sums.mixed.iter().map(|row| times(row, &shape.transition)).collect();
             sums.own = framed(&sums.own, &shape.transition);
             for (i, mixed) in sums.mixed.iter_mut().enumerate() {
                 *mixed = [0.0; MOST];
@@ -119,7 +121,8 @@ pub fn onset_energies(filter: &Filter, shapes: &[Shape]) -> Vec<Vec<f64>> {
                     }
                 }
             }
-            if let (Some((mixed, own)), Some((along, _))) = (added.get(number), gained.of_shapes.get(number)) {
+            if let (Some((mixed, own)), Some((along, _))) = (added.get(number), gained.of_shapes.get(number))
+            {
                 let mut through = [0.0; MOST];
                 for (moved, along) in moved.iter().zip(along.iter()) {
                     for q in 0..MOST {

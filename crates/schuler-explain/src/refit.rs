@@ -19,7 +19,7 @@ use crate::select::Item;
 use crate::state::{Bench, Case, State};
 
 /// Fall of the log-likelihood at three standard deviations.
-const THREE_SIGMA_NATS: f64 = 4.5;
+pub const THREE_SIGMA_NATS: f64 = 4.5;
 /// Steps by which the search for that fall grows, and how often.
 const GROWTH: f64 = 1.6;
 const GROWTHS: usize = 40;

@@ -46,8 +46,6 @@ const PAIR_BEHIND: f64 = 5.0;
 /// Pairs that are fitted in the place of the same items, and those of them from which the search goes on.
 const PAIRS_TRIED: usize = 8;
 const PAIRS_FOLLOWED: usize = 2;
-/// Nats by which another description by way of a pair must be the better one: it is the best of many.
-const WORTH_A_PAIR: f64 = 2.0;
 /// Rounds, those that take something back included.
 const MOST_ROUNDS: usize = 2 * MOST_FINDINGS;
 /// Findings in whose number the progress is told, as it is not known how many there will be.
@@ -62,6 +60,8 @@ const JUDGED_BESIDE_FREE_NOISE: usize = 6;
 const SAME_NATS: f64 = 0.05;
 /// Nats, above the price of its search, from which on an item is significant whatever its family.
 const BEYOND_DOUBT: f64 = 50.0;
+/// The effect that is a decay from the start on.
+const WARMUP: &str = "bias_warmup";
 /// Most parts of a noise of which the user says nothing.
 const MOST_UNKNOWN_PARTS: usize = 2;
 
@@ -191,9 +191,7 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
                 continue;
             }
             let other = valued(walked.found, &mut for_pairs);
-            // What only adds to the other would have to be significant beside it.
-            let least = if extends(&other.1.0, &best.1.0) { -ln_level } else { WORTH_A_PAIR };
-            if other.0 > best.0 + least {
+            if other.0 > best.0 {
                 best = other;
             }
         }
@@ -412,9 +410,15 @@ type Start = (State, Vec<Price>);
 /// A description, whitened, and the prices of its terms.
 type Found<'c> = (State, Bench<'c>, Vec<Price>);
 
-/// Log-likelihood less what the items cost: of each the difference of its gain and of ln of its family-wise probability.
+/// Log-likelihood less what the items cost: of each the difference of its gain and of what its family-wise probability p says against
+/// there being nothing, which is less than −ln p. Whatever is supposed of sizes, nothing is behind by a factor of −1/(e p ln p) at most
+/// (Sellke, Bayarri, Berger, Am. Stat. 55, 2001, 62): what is told by two items has to pay for the size of the second.
 fn worth(case: &Case<'_>, (state, _, prices): &Found<'_>, family: &Family) -> f64 {
-    let cost = |(_, shown): &(Item, Shown)| shown.gain + shown.ln_p;
+    let speaks = |shown: &Shown| {
+        let against = (-shown.ln_p).max(1.0);
+        against - against.ln() - 1.0
+    };
+    let cost = |(_, shown): &(Item, Shown)| shown.gain - speaks(shown);
     state.log_likelihood - shown(case, state, prices, family).iter().map(cost).sum::<f64>()
 }
 
@@ -681,14 +685,6 @@ fn identity(state: &State) -> (Vec<usize>, Vec<usize>) {
     (terms, changes)
 }
 
-/// Whether a state holds all candidates of another.
-fn extends(state: &State, other: &State) -> bool {
-    let (terms, changes) = identity(state);
-    let (other_terms, other_changes) = identity(other);
-    other_terms.iter().all(|term| terms.contains(term))
-        && other_changes.iter().all(|change| changes.contains(change))
-}
-
 /// The blocks whose description differs.
 fn changed_blocks(model: &Model, a: &State, b: &State) -> Vec<usize> {
     let differing: Vec<Term> =
@@ -918,10 +914,11 @@ fn merged<'c>(
 
 /// Whether a candidate is a shape in time that nothing recorded causes, as slow noise may take any.
 fn has_no_cause(candidate: &Candidate) -> bool {
-    matches!(
-        candidate.search,
-        Search::Onset(_) | Search::Frequency | Search::Readings(ReadingFault::IntermittentJump)
-    )
+    candidate.effect.id == WARMUP
+        || matches!(
+            candidate.search,
+            Search::Onset(_) | Search::Frequency | Search::Readings(ReadingFault::IntermittentJump)
+        )
 }
 
 /// The evidence of an item of a description that shows so much by its gain.

@@ -1096,6 +1096,8 @@ fn a_constant_is_not_called_what_holds_it_as_a_part() {
         let options = Options { hold_out: false, ..Options::default() };
         let explanation = explain_with(&inputs, vec![constant, warm], &options).expect("it can be explained");
         let whole = explanation.findings.into_iter().find(|finding| finding.effect == "warm")?;
+        // The constant is far from 0, and may be one of its own beside any dependence.
+        assert!(whole.class.contains(&"constant".to_owned()), "seed {seed}, {of_wave}: {:?}", whole.class);
         let coefficient = whole.parameters.into_iter().find(|parameter| parameter.name == "coefficient")?;
         Some(coefficient.value? / coefficient.sigma?)
     };
