@@ -46,6 +46,8 @@ const PAIR_BEHIND: f64 = 5.0;
 /// Pairs that are fitted in the place of the same items, and those of them from which the search goes on.
 const PAIRS_TRIED: usize = 8;
 const PAIRS_FOLLOWED: usize = 2;
+/// Nats by which another description by way of a pair must be the better one: where they are nearly as good, what was found one by one stands.
+const WORTH_A_PAIR: f64 = 1.0;
 /// Rounds, those that take something back included.
 const MOST_ROUNDS: usize = 2 * MOST_FINDINGS;
 /// Findings in whose number the progress is told, as it is not known how many there will be.
@@ -191,7 +193,7 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
                 continue;
             }
             let other = valued(walked.found, &mut for_pairs);
-            if other.0 > best.0 {
+            if other.0 > best.0 + WORTH_A_PAIR {
                 best = other;
             }
         }
