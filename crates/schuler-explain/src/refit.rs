@@ -25,6 +25,8 @@ const GROWTH: f64 = 1.6;
 const GROWTHS: usize = 40;
 /// Step of a derivative as a part of the distance at which the profile has fallen.
 const STEP: f64 = 0.3;
+/// Times at which a drift over the whole record may as well have begun.
+const LATER_ONSETS: usize = 24;
 /// Noise parameters of a block up to which the exact likelihood is differenced by each two of them: of more the correlations are
 /// taken from Whittle's, as pairs grow as the square, and each is four runs over the record.
 const FEW_PARAMETERS: usize = 6;
@@ -99,6 +101,7 @@ pub fn of_term(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter> {
             covariance += &jacobian * &of_nonlinear * jacobian.transpose();
         }
     }
+    covariance += by_later_onsets(case, &bench, term, gain, &amplitudes);
     // What the noise model leaves widens what it says; see `sandwich`.
     let (of_amplitudes, of_shape) = variances(case, state, place);
     for (i, variance) in of_amplitudes.iter().enumerate().take(number) {
@@ -133,6 +136,47 @@ pub fn of_term(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter> {
     parameters.extend(of_stays(candidate, term, case.model.step_s));
     parameters.extend(texts(candidate));
     parameters
+}
+
+/// What the covariance of a drift over the whole record grows by because it may have begun later: that costs the search for the time, and may be
+/// as likely, so that each of several times has its share in the spread. 0 of anything else.
+fn by_later_onsets(
+    case: &Case<'_>,
+    bench: &Bench<'_>,
+    term: &Term,
+    gain: f64,
+    amplitudes: &DVector<f64>,
+) -> DMatrix<f64> {
+    let number = amplitudes.len();
+    let none = DMatrix::zeros(number, number);
+    let Some(ramp) = ramp_instead(case, term) else { return none };
+    let length_s = case.time_s.last().copied().unwrap_or_default();
+    let first = bench.solution.amplitudes.len();
+    let later: Vec<(f64, DVector<f64>)> = (1..=LATER_ONSETS)
+        .into_par_iter()
+        .map(|place| {
+            let onset_s = length_s * place as f64 / (LATER_ONSETS + 1) as f64;
+            let later = Term::new(ramp, &case.candidates[ramp], &[onset_s], case.time_s);
+            let (other, solution) = bench.with_term(&later);
+            let apart = solution.amplitudes.rows(first, number) - amplitudes;
+            ((other - gain).exp() / LATER_ONSETS as f64, apart)
+        })
+        .collect();
+    let all = 1.0 + later.iter().map(|(weight, _)| weight).sum::<f64>();
+    later.iter().fold(none, |sum, (weight, apart)| sum + apart * apart.transpose() * (weight / all))
+}
+
+/// The candidate of a drift that begins at any time, of a term that is one over the whole record.
+fn ramp_instead(case: &Case<'_>, term: &Term) -> Option<usize> {
+    let own = &case.candidates[term.candidate];
+    let is_ramp = |candidate: &Candidate| matches!(candidate.search, Search::Onset(OnsetShape::Ramp));
+    let is_whole = matches!(own.search, Search::Linear(_)) || (is_ramp(own) && term.nonlinear == [0.0]);
+    let is_it = |other: &Candidate| {
+        is_ramp(other)
+            && (other.effect.id, &other.target, other.port) == (own.effect.id, &own.target, own.port)
+            && other.amplitudes.len() == own.amplitudes.len()
+    };
+    is_whole.then(|| case.candidates.iter().position(is_it)).flatten()
 }
 
 /// How long a mean that jumps stays on and off.
