@@ -3,7 +3,8 @@
 //! With x = (1 − ρ²) · gain the log-likelihoods of a wrong and of the true candidate differ by a normal variable with
 //! mean −x and variance 2x, so that a wrong one leads by more than c with a probability of at most Φ(−√(2c)), whatever
 //! x is: 0.7 % for c = 3. Identifiers on the same sensor within that distance of the best are the finding's class;
-//! others are its rivals.
+//! others are its rivals. Beside them stands what a dependence on a quantity without a stated reference holds as a part, where the data
+//! show that part: with an effect of its own beside it the dependence has any reference, and is the same function.
 use std::collections::HashSet;
 use std::sync::Arc;
 
@@ -253,8 +254,11 @@ fn lead_as_simpler(found: &mut [Alternative], place: usize) {
 
 /// The column of a term that another reference adds to it.
 fn part_at_mean<'t>(case: &Case<'_>, whole: &'t Term) -> Option<&'t Column> {
-    let amplitudes = &case.candidates[whole.candidate].amplitudes;
-    whole.columns.get(amplitudes.iter().position(|amplitude| amplitude.name == AT_MEAN)?)
+    whole.columns.get(place_at_mean(case, whole)?)
+}
+
+fn place_at_mean(case: &Case<'_>, whole: &Term) -> Option<usize> {
+    case.candidates[whole.candidate].amplitudes.iter().position(|amplitude| amplitude.name == AT_MEAN)
 }
 
 /// What one sensor shows and its whole instrument explains as well is of the instrument: a clock, the mounting of a log, whose beams
@@ -388,15 +392,16 @@ pub fn class(case: &Case<'_>, bench: &Bench<'_>, alternatives: &[Alternative]) -
 fn part_of_its_own(case: &Case<'_>, bench: &Bench<'_>, found: &Alternative) -> Option<&'static str> {
     let whole = found.term.as_ref()?;
     let part = part_at_mean(case, whole)?;
-    let mut less = whole.clone();
-    less.columns = Arc::new(whole.columns.iter().filter(|&column| column != part).cloned().collect());
+    let mut columns = (*whole.columns).clone();
+    columns.remove(place_at_mean(case, whole)?);
+    let less = Term { columns: Arc::new(columns), ..whole.clone() };
     if bench.gain_of(whole).0 - bench.gain_of(&less).0 < THREE_SIGMA_NATS {
         return None;
     }
     let own = &case.candidates[whole.candidate];
     let is_part = |other: &&Candidate| {
         (&other.target, other.port) == (&own.target, own.port)
-            && matches!(&other.search, Search::Linear(signature) if signature.columns == [part.clone()])
+            && matches!(&other.search, Search::Linear(signature) if signature.columns == std::slice::from_ref(part))
     };
     Some(case.candidates.iter().find(is_part)?.effect.id)
 }

@@ -18,7 +18,7 @@ use crate::locate;
 use crate::noise::{Knob, Noise};
 use crate::noise_fit::{SourceKnob, exact};
 use crate::nominal::{Block, FEWEST_ROWS, Model};
-use crate::readings::{Fault, OFF_LATTICE, faults, lattice};
+use crate::readings::{Fault, LEAST_STEP, OFF_LATTICE, faults, lattice};
 use crate::refit::parameters;
 use crate::search::{Family, by_all_readings};
 use crate::select::{
@@ -390,7 +390,7 @@ fn is_spoilt(candidate: &Candidate, faults: &[Fault], recording: &Recording) -> 
             ReadingFault::Saturated => true,
             ReadingFault::Quantised => {
                 let step = fault.parameters.first().map_or(0.0, |parameter| parameter.1);
-                step >= recording.sensors[fault.sensor].sensor.nominal.white
+                step >= LEAST_STEP * recording.sensors[fault.sensor].sensor.nominal.white
             }
             _ => false,
         };

@@ -16,9 +16,9 @@ use schuler_recording::case::{MotionKind, SensorKind};
 use schuler_recording::motion::predict;
 use schuler_recording::unit::{Dimension, Unit};
 
-use crate::catalogue::{Column, OnsetShape, Port};
+use crate::catalogue::{Column, Port};
 use crate::noise::Noise;
-use crate::onset_energy::{self, Shape};
+use crate::onset_energy::{self, Shapes};
 use crate::whiten::{Filter, Space};
 
 /// Standard deviations of the loop's velocity error, m/s, and vertical error, rad, at the start.
@@ -525,10 +525,10 @@ impl Block {
         }
     }
 
-    /// What a shape at a port of a sensor adds to the channels from the row on at which it begins, 0 in the rows before; `None` where
-    /// it does not reach them. A ramp rises by 1 a row. As [`project`](Self::project) of its column, but that a loop goes on
-    /// after the last row.
-    pub(crate) fn begins(&self, sensor: usize, port: Port, shape: OnsetShape) -> Option<Shape> {
+    /// What a step and a ramp at a port of a sensor add to the channels from the row on at which they begin, 0 in the rows before; `None`
+    /// where they do not reach them. A ramp rises by 1 a row. As [`project`](Self::project) of their columns, but for a step into a
+    /// loop at the first row, which here has half a row before it.
+    pub(crate) fn begins(&self, sensor: usize, port: Port) -> Option<Shapes> {
         let place = self.sensors.iter().position(|&own| own == sensor)?;
         let through = match &self.geometry {
             Geometry::Loop(step) => step.of_port(port).map(|enters| (step.transition, enters)),
@@ -539,29 +539,26 @@ impl Block {
             Geometry::Parity(parity) => parity.column(place).iter().copied().collect(),
             _ => vec![1.0],
         };
-        // States: those of the loop, the ramp, its slope; or of a step 0 and 1.
-        let (ramp, one) = (2, 3);
-        let is_ramp = shape == OnsetShape::Ramp;
+        // States: those of the loop, the ramp, its slope.
+        let (ramp, slope) = (2, 3);
         let mut transition = [[0.0; onset_energy::MOST]; onset_energy::MOST];
-        let (mut seen, mut start) = ([0.0; onset_energy::MOST], [0.0; onset_energy::MOST]);
-        (transition[one][one], start[one]) = (1.0, 1.0);
-        if is_ramp {
-            (transition[ramp][ramp], transition[ramp][one]) = (1.0, 1.0);
-        }
+        let mut seen = [0.0; onset_energy::MOST];
+        let mut starts = [[0.0; onset_energy::MOST]; 2];
+        (transition[ramp][ramp], transition[ramp][slope], transition[slope][slope]) = (1.0, 1.0, 1.0);
+        (starts[0][ramp], starts[1][slope]) = (1.0, 1.0);
         match through {
             Some((own, enters)) => {
                 for i in 0..2 {
                     transition[i][..2].copy_from_slice(&own[i]);
-                    // The mean over a row, which that before the first has a half of.
-                    transition[i][one] = if is_ramp { 0.5 * enters[i] } else { enters[i] };
-                    transition[i][ramp] = if is_ramp { enters[i] } else { 0.0 };
-                    start[i] = if is_ramp { 0.0 } else { 0.5 * enters[i] };
+                    // The mean over a row, which for a step that before the first has a half of.
+                    (transition[i][ramp], transition[i][slope]) = (enters[i], 0.5 * enters[i]);
+                    starts[0][i] = 0.5 * enters[i];
                 }
                 seen[0] = 1.0;
             }
-            None => seen[if is_ramp { ramp } else { one }] = 1.0,
+            None => seen[ramp] = 1.0,
         }
-        Some(Shape { weights, transition, seen, start })
+        Some(Shapes { weights, transition, seen, starts })
     }
 
     /// The model in state-space form with the given noises of all sources.

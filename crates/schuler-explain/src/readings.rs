@@ -34,7 +34,7 @@ const CLIPPED_RATIO: f64 = 4.0;
 /// Fewest different values of an output that may be clipped.
 const FEWEST_LEVELS: usize = 12;
 /// A lattice matters if its step is at least this part of the white noise,
-const LEAST_STEP: f64 = 1.0;
+pub const LEAST_STEP: f64 = 1.0;
 /// or if the noise of rounding, which is step²/12, is worth so many nats in a record of that length.
 const LEAST_OF_ROUNDING: f64 = 10.0;
 /// A lattice is coarser than nominal by at least this factor.
@@ -316,7 +316,7 @@ fn coarse(sensor: usize, values: &[f64], lattice: Lattice, nominal: f64, white: 
     let crossings = finite.windows(2).filter(|pair| pair[0] != pair[1]).count();
     let is_lattice = levels >= FEWEST_OF_LATTICE || crossings >= FEWEST_CROSSINGS;
     // N readings whose variance is 1 + x of what it is held for: ½N (x − ln(1 + x)) nats.
-    let rounding = (step.powi(2) - nominal.powi(2)) / 12.0 / white.powi(2);
+    let rounding = (step.powi(2) - nominal.powi(2)) / (12.0 * white.powi(2) + nominal.powi(2));
     let worth = 0.5 * finite.len() as f64 * (rounding - rounding.ln_1p());
     let matters = step >= LEAST_STEP * white || worth >= LEAST_OF_ROUNDING;
     (is_lattice && step > COARSER * nominal && matters).then(|| Fault {

@@ -101,7 +101,7 @@ pub fn of_term(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter> {
             covariance += &jacobian * &of_nonlinear * jacobian.transpose();
         }
     }
-    covariance += by_later_onsets(case, &bench, term, gain, &amplitudes);
+    covariance += by_later_onsets(case, &bench, term, gain, (&amplitudes, &covariance));
     // What the noise model leaves widens what it says; see `sandwich`.
     let (of_amplitudes, of_shape) = variances(case, state, place);
     for (i, variance) in of_amplitudes.iter().enumerate().take(number) {
@@ -145,25 +145,28 @@ fn by_later_onsets(
     bench: &Bench<'_>,
     term: &Term,
     gain: f64,
-    amplitudes: &DVector<f64>,
+    (amplitudes, covariance): (&DVector<f64>, &DMatrix<f64>),
 ) -> DMatrix<f64> {
     let number = amplitudes.len();
     let none = DMatrix::zeros(number, number);
     let Some(ramp) = ramp_instead(case, term) else { return none };
     let length_s = case.time_s.last().copied().unwrap_or_default();
     let first = bench.solution.amplitudes.len();
-    let later: Vec<(f64, DVector<f64>)> = (1..=LATER_ONSETS)
+    let later: Vec<(f64, DMatrix<f64>)> = (1..=LATER_ONSETS)
         .into_par_iter()
         .map(|place| {
             let onset_s = length_s * place as f64 / (LATER_ONSETS + 1) as f64;
             let later = Term::new(ramp, &case.candidates[ramp], &[onset_s], case.time_s);
             let (other, solution) = bench.with_term(&later);
             let apart = solution.amplitudes.rows(first, number) - amplitudes;
-            ((other - gain).exp() / LATER_ONSETS as f64, apart)
+            let own = solution.covariance.view((first, first), (number, number)) - covariance;
+            (other, &apart * apart.transpose() + own)
         })
         .collect();
-    let all = 1.0 + later.iter().map(|(weight, _)| weight).sum::<f64>();
-    later.iter().fold(none, |sum, (weight, apart)| sum + apart * apart.transpose() * (weight / all))
+    let best = later.iter().map(|(other, _)| *other).fold(gain, f64::max);
+    let weight = |other: f64| (other - best).exp() / LATER_ONSETS as f64;
+    let all = (gain - best).exp() + later.iter().map(|(other, _)| weight(*other)).sum::<f64>();
+    later.iter().fold(none, |sum, (other, spread)| sum + spread * (weight(*other) / all))
 }
 
 /// The candidate of a drift that begins at any time, of a term that is one over the whole record.

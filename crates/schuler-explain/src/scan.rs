@@ -4,7 +4,7 @@
 //! response, from one pass backwards, is the denominator. The score of a sinusoid is the Fourier transform of q, and the inverse
 //! of the model's spectrum its denominator. What is already described is projected out. What stands out is evaluated by the
 //! caller, which for a sinusoid is another value. The price of the search is the tail of the maximum over the chain of
-//! scores. How fast that chain forgets follows from the energies of the differences of two signatures under the settled filter,
+//! scores. How fast that chain forgets follows from the correlations of two signatures under the settled filter,
 //! what is described projected out: scores of a step on white noise forget like a random walk, those of a ramp, or of a step
 //! that a Schuler loop has integrated, are smooth.
 use std::sync::OnceLock;
@@ -58,12 +58,12 @@ pub struct Scanner<'b> {
     /// R⁻¹ of the regressors.
     regressors: Vec<Vec<f64>>,
     inverse: DMatrix<f64>,
-    /// Energies of the shapes that begin at each row, once they are asked for.
-    energies: OnceLock<Vec<(Place, Vec<f64>)>>,
+    /// Energies of a step and of a ramp that begin at each row, by sensor and port, once they are asked for.
+    energies: OnceLock<Vec<(Place, [Vec<f64>; 2])>>,
 }
 
-/// Where a shape acts, and which.
-type Place = (usize, Port, OnsetShape);
+/// A sensor and a port.
+type Place = (usize, Port);
 
 impl<'b> Scanner<'b> {
     /// `remainder`: whitened residual after the regressors; `regressors`: whitened.
@@ -83,19 +83,20 @@ impl<'b> Scanner<'b> {
     }
 
     /// Energy of the whitened response to a shape that begins at each row.
-    fn energies(&self, place: Place) -> Option<&[f64]> {
+    fn energies(&self, sensor: usize, port: Port, shape: OnsetShape) -> Option<&[f64]> {
         let all = self.energies.get_or_init(|| {
             let ports = [Port::Output, Port::Accelerometer, Port::Gyro];
-            let shapes = [OnsetShape::Step, OnsetShape::Ramp];
-            let places = (self.block.sensors.iter())
+            let (places, shapes): (Vec<Place>, Vec<_>) = (self.block.sensors.iter())
                 .flat_map(|&sensor| ports.map(|port| (sensor, port)))
-                .flat_map(|(sensor, port)| shapes.map(|shape| (sensor, port, shape)));
-            let (places, shapes): (Vec<Place>, Vec<_>) = places
-                .filter_map(|place| Some((place, self.block.begins(place.0, place.1, place.2)?)))
+                .filter_map(|place| Some((place, self.block.begins(place.0, place.1)?)))
                 .unzip();
             places.into_iter().zip(onset_energies(self.filter, &shapes)).collect()
         });
-        all.iter().find(|(of, _)| *of == place).map(|(_, energies)| energies.as_slice())
+        let (_, [step, ramp]) = all.iter().find(|(place, _)| *place == (sensor, port))?;
+        Some(match shape {
+            OnsetShape::Step => step,
+            OnsetShape::Ramp => ramp,
+        })
     }
 
     /// Scans all onsets of a shape on a sensor.
@@ -116,9 +117,9 @@ impl<'b> Scanner<'b> {
         };
         let scores = summed(&self.scores)?;
         let regressors: Vec<Vec<f64>> = self.regressors.iter().map(|r| summed(r)).collect::<Option<_>>()?;
-        let energies = self.energies((sensor, port, shape))?;
+        let energies = self.energies(sensor, port, shape)?;
         let response = self.response(sensor, port, shape)?;
-        // Of the differences those that a filter has which has settled, with nothing missing, as a part of what the shapes have there.
+        // How shapes that begin at two rows are correlated is told by a filter that has settled, with nothing missing.
         let settled = energy(&response, rows, 0);
         // What is left of an energy when what is described is taken out, by its products with that.
         let left = |whole: f64, cross: &dyn Fn(&[f64]) -> f64| {
@@ -155,8 +156,10 @@ impl<'b> Scanner<'b> {
             let differences = energy(&response, rows, lag);
             for (&row, forgotten) in places.iter().zip(&mut forgotten).filter(|(row, _)| **row + lag < last) {
                 let (here, there) = (energies[row], energies[row + lag]);
-                let settled = settled[rows - row - 1] + settled[rows - row - lag - 1];
-                let whole = differences[rows - row - 1] * (here + there) / settled;
+                let of_settled = [settled[rows - row - 1], settled[rows - row - lag - 1]];
+                let correlation = 0.5 * (of_settled[0] + of_settled[1] - differences[rows - row - 1])
+                    / (of_settled[0] * of_settled[1]).sqrt();
+                let whole = here + there - 2.0 * correlation * (here * there).sqrt();
                 let apart = left(whole, &|products| products[row] - products[row + lag]);
                 let (here, there) = (seen(row, here), seen(row + lag, there));
                 let one_less = 0.5 * (apart - (here.sqrt() - there.sqrt()).powi(2)) / (here * there).sqrt();

@@ -417,8 +417,9 @@ type Found<'c> = (State, Bench<'c>, Vec<Price>);
 /// (Sellke, Bayarri, Berger, Am. Stat. 55, 2001, 62): what is told by two items has to pay for the size of the second.
 fn worth(case: &Case<'_>, (state, _, prices): &Found<'_>, family: &Family) -> f64 {
     let speaks = |shown: &Shown| {
+        // The gain of what is beyond doubt is at least what is told; its logarithm is that of where doubt ends.
         let against = (-shown.ln_p).max(1.0);
-        against - against.ln() - 1.0
+        against - against.min(BEYOND_DOUBT).ln() - 1.0
     };
     let cost = |(_, shown): &(Item, Shown)| shown.gain - speaks(shown);
     state.log_likelihood - shown(case, state, prices, family).iter().map(cost).sum::<f64>()

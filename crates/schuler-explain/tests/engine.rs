@@ -237,6 +237,16 @@ fn nothing_is_found_where_nothing_is_hidden() {
     assert!(false_alarms.len() <= most(TRIALS, 0.01), "{false_alarms:?}");
 }
 
+fn schuler_loop() -> SchulerLoop {
+    SchulerLoop {
+        radius_m: 6.371e6,
+        gravity: 9.806_65,
+        accelerometer: Some(Markov { sigma: 2e-4, tau_s: 200.0 }),
+        gyro: Some(Markov { sigma: 5e-8, tau_s: 1500.0 }),
+        velocity_white: 0.05,
+    }
+}
+
 /// The velocity error of a Schuler loop as its nominal model says.
 fn loop_noise(seed: u64, rows: usize, of: &SchulerLoop) -> Vec<f64> {
     let mut random = Pcg64::seed_from_u64(seed);
@@ -264,13 +274,7 @@ fn onsets_inside_a_loop_are_counted() {
     const LEVEL: f64 = 0.5;
     // The share of the level that onsets have.
     const SHARE: f64 = 0.2;
-    let of = SchulerLoop {
-        radius_m: 6.371e6,
-        gravity: 9.806_65,
-        accelerometer: Some(Markov { sigma: 2e-4, tau_s: 200.0 }),
-        gyro: Some(Markov { sigma: 5e-8, tau_s: 1500.0 }),
-        velocity_white: 0.05,
-    };
+    let of = schuler_loop();
     let false_alarms = (0..TRIALS as u64).into_par_iter().filter(|&seed| {
         let kind = (SensorKind::InsVelocity, Unit::MetrePerSecond);
         let values = loop_noise(60_000 + seed, 5000, &of);
@@ -306,13 +310,7 @@ fn onsets_are_scanned_exactly_through_outages() {
         }
         values
     };
-    let of = SchulerLoop {
-        radius_m: 6.371e6,
-        gravity: 9.806_65,
-        accelerometer: Some(Markov { sigma: 2e-4, tau_s: 200.0 }),
-        gyro: Some(Markov { sigma: 5e-8, tau_s: 1500.0 }),
-        velocity_white: 0.05,
-    };
+    let of = schuler_loop();
     let nominal = Nominal {
         white: WHITE_SIGMA,
         markov: Some(Markov { sigma: MARKOV_SIGMA, tau_s: TAU_S }),
