@@ -217,10 +217,10 @@ fn prefer_simpler(case: &Case<'_>, found: &mut [Alternative]) {
 /// significant: it would not be found beside the part.
 fn prefer_part(case: &Case<'_>, family: &Family, ln_level: f64, found: &mut [Alternative]) {
     let Some((best, others)) = found.split_first() else { return };
-    let Some(part) = best.term.as_ref().and_then(|whole| part_at_mean(case, whole)) else { return };
+    let Some((_, part)) = best.term.as_ref().and_then(|whole| part_at_mean(case, whole)) else { return };
     let is_part = |other: &Alternative| {
         let columns = other.term.as_ref().filter(|term| term.nonlinear.is_empty() && !term.unit_amplitude);
-        columns.is_some_and(|term| *term.columns == [part.clone()])
+        columns.is_some_and(|term| term.columns.as_slice() == std::slice::from_ref(part))
     };
     let Some(place) = others.iter().position(is_part) else { return };
     let adds = best.gain - others[place].gain;
@@ -252,13 +252,11 @@ fn lead_as_simpler(found: &mut [Alternative], place: usize) {
     found[..=place].rotate_right(1);
 }
 
-/// The column of a term that another reference adds to it.
-fn part_at_mean<'t>(case: &Case<'_>, whole: &'t Term) -> Option<&'t Column> {
-    whole.columns.get(place_at_mean(case, whole)?)
-}
-
-fn place_at_mean(case: &Case<'_>, whole: &Term) -> Option<usize> {
-    case.candidates[whole.candidate].amplitudes.iter().position(|amplitude| amplitude.name == AT_MEAN)
+/// The column of a term that another reference adds to it, and its place.
+fn part_at_mean<'t>(case: &Case<'_>, whole: &'t Term) -> Option<(usize, &'t Column)> {
+    let amplitudes = &case.candidates[whole.candidate].amplitudes;
+    let place = amplitudes.iter().position(|amplitude| amplitude.name == AT_MEAN)?;
+    Some((place, whole.columns.get(place)?))
 }
 
 /// What one sensor shows and its whole instrument explains as well is of the instrument: a clock, the mounting of a log, whose beams
@@ -391,9 +389,9 @@ pub fn class(case: &Case<'_>, bench: &Bench<'_>, alternatives: &[Alternative]) -
 /// description has any reference and is as good.
 fn part_of_its_own(case: &Case<'_>, bench: &Bench<'_>, found: &Alternative) -> Option<&'static str> {
     let whole = found.term.as_ref()?;
-    let part = part_at_mean(case, whole)?;
+    let (place, part) = part_at_mean(case, whole)?;
     let mut columns = (*whole.columns).clone();
-    columns.remove(place_at_mean(case, whole)?);
+    columns.remove(place);
     let less = Term { columns: Arc::new(columns), ..whole.clone() };
     if bench.gain_of(whole).0 - bench.gain_of(&less).0 < THREE_SIGMA_NATS {
         return None;

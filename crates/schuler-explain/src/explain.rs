@@ -309,10 +309,9 @@ fn set_remainders_aside(findings: &mut Vec<Finding>, recording: &Recording) -> V
 fn set_rounding_aside(findings: &mut Vec<Finding>, recording: &Recording, faults: &[Fault]) -> Vec<String> {
     let most = |finding: &Finding| {
         let sensor = recording.sensors.iter().position(|series| series.sensor.id == finding.sensor)?;
-        let fault =
-            (faults.iter()).find(|fault| fault.sensor == sensor && fault.fault == ReadingFault::Quantised)?;
+        let step = (faults.iter()).filter(|fault| fault.sensor == sensor).find_map(Fault::lattice_step)?;
         let series = &recording.sensors[sensor];
-        let shift = shift_by_rounding(fault.parameters.first()?.1, series.sensor.nominal.white);
+        let shift = shift_by_rounding(step, series.sensor.nominal.white);
         Some(shift / series.written_unit.in_si())
     };
     let mut notes = Vec::new();
@@ -386,15 +385,9 @@ fn shift_by_rounding(step: f64, white: f64) -> f64 {
 /// and leaves it as it was.
 fn is_spoilt(candidate: &Candidate, faults: &[Fault], recording: &Recording) -> bool {
     let spoils = |fault: &Fault| {
-        let spoilt = match fault.fault {
-            ReadingFault::Saturated => true,
-            ReadingFault::Quantised => {
-                let step = fault.parameters.first().map_or(0.0, |parameter| parameter.1);
-                step >= LEAST_STEP * recording.sensors[fault.sensor].sensor.nominal.white
-            }
-            _ => false,
-        };
-        spoilt && sensors_of(candidate).contains(&fault.sensor)
+        let white = recording.sensors[fault.sensor].sensor.nominal.white;
+        let is_coarse = fault.lattice_step().is_some_and(|step| step >= LEAST_STEP * white);
+        (is_coarse || fault.fault == ReadingFault::Saturated) && sensors_of(candidate).contains(&fault.sensor)
     };
     let of_noise =
         matches!(candidate.search, Search::Noise(_) | Search::Readings(ReadingFault::IntermittentJump));
@@ -409,10 +402,7 @@ fn is_of_angle(model: &Model, fault: &Fault) -> bool {
     else {
         return false;
     };
-    if fault.fault != ReadingFault::Quantised {
-        return false;
-    }
-    let step = fault.parameters.first().map_or(0.0, |parameter| parameter.1);
+    let Some(step) = fault.lattice_step() else { return false };
     let projected = project(model, block, &[]);
     let likelihood = |change: &dyn Fn(&mut Noise)| {
         let mut noises = model.nominal_noises();

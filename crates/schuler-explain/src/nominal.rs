@@ -543,7 +543,7 @@ impl Block {
         let (ramp, slope) = (2, 3);
         let mut transition = [[0.0; onset_energy::MOST]; onset_energy::MOST];
         let mut seen = [0.0; onset_energy::MOST];
-        let mut starts = [[0.0; onset_energy::MOST]; 2];
+        let mut starts = [[0.0; onset_energy::MOST]; onset_energy::SHAPES];
         (transition[ramp][ramp], transition[ramp][slope], transition[slope][slope]) = (1.0, 1.0, 1.0);
         (starts[0][ramp], starts[1][slope]) = (1.0, 1.0);
         match through {

@@ -24,7 +24,7 @@ const SETTLED: f64 = 1e-14;
 type Square = [[f64; MOST]; MOST];
 
 /// Number of shapes: a step and a ramp.
-const SHAPES: usize = 2;
+pub const SHAPES: usize = 2;
 
 /// A step and a ramp that begin at a row.
 #[derive(Clone, Debug)]

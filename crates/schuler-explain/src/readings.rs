@@ -79,6 +79,14 @@ pub struct Fault {
     pub parameters: Vec<(&'static str, f64, bool)>,
 }
 
+impl Fault {
+    /// The step of the lattice on which coarse readings lie, SI; `None` of another fault.
+    pub fn lattice_step(&self) -> Option<f64> {
+        let (_, step, _) = self.parameters.first().filter(|_| self.fault == ReadingFault::Quantised)?;
+        Some(*step)
+    }
+}
+
 /// Faults of all sensors, and the readings spoilt by them.
 pub struct Faults {
     /// The faults.
@@ -121,8 +129,10 @@ pub fn faults(recording: &Recording, model: &Model) -> Faults {
     let (found, mut masked): (Vec<Vec<Fault>>, Vec<Vec<bool>>) = of_sensors.into_iter().unzip();
     let mut found: Vec<Fault> = found.into_iter().flatten().collect();
     let mut steps = vec![0.0; recording.sensors.len()];
-    for fault in found.iter().filter(|fault| fault.fault == ReadingFault::Quantised) {
-        steps[fault.sensor] = fault.parameters.first().map_or(0.0, |parameter| parameter.1);
+    for fault in &found {
+        if let Some(step) = fault.lattice_step() {
+            steps[fault.sensor] = step;
+        }
     }
     // A sensor is in one block.
     let spikes: Vec<(Fault, Vec<usize>)> =

@@ -16,7 +16,7 @@ use crate::catalogue::{Column, OnsetShape, Port};
 use crate::least_squares::{dot, solve};
 use crate::noise::Noise;
 use crate::nominal::Block;
-use crate::onset_energy::onset_energies;
+use crate::onset_energy::{SHAPES, onset_energies};
 use crate::statistics::{ln_frequency_scan_tail, ln_scan_tail, maxima_per_place};
 use crate::whiten::Filter;
 
@@ -59,7 +59,7 @@ pub struct Scanner<'b> {
     regressors: Vec<Vec<f64>>,
     inverse: DMatrix<f64>,
     /// Energies of a step and of a ramp that begin at each row, by sensor and port, once they are asked for.
-    energies: OnceLock<Vec<(Place, [Vec<f64>; 2])>>,
+    energies: OnceLock<Vec<(Place, [Vec<f64>; SHAPES])>>,
 }
 
 /// A sensor and a port.

@@ -132,10 +132,8 @@ fn get<T: Copy>(values: &[Option<T>], row: usize) -> Option<T> {
     values.get(row).copied().flatten()
 }
 
-/// Most neighbours on either side that a derivative is made of.
+/// Most neighbours on either side that a derivative is made of, and the difference by which noise is judged.
 const WIDEST: usize = 16;
-/// Most of the difference by which noise is judged.
-const WIDEST_DIFFERENCE: usize = 16;
 /// Turn of a neighbour, but the nearest, beside a steady one that is still used, rad.
 const FARTHEST_TURN: f64 = 1.0;
 /// About as many rows say which order is best.
@@ -159,9 +157,8 @@ fn derivatives(
 ) -> Vec<Option<Vector3<f64>>> {
     let changes = |row: usize, most: usize| Changes::new(time_s, &change, row, most);
     let stride = time_s.len().div_ceil(SAMPLED_ROWS).max(1);
-    let sampled: Vec<Changes> =
-        (0..time_s.len()).step_by(stride).map(|row| changes(row, WIDEST_DIFFERENCE)).collect();
-    let orders = (2..=WIDEST_DIFFERENCE).rev().find_map(|widest| Orders::new(&sampled, widest));
+    let sampled: Vec<Changes> = (0..time_s.len()).step_by(stride).map(|row| changes(row, WIDEST)).collect();
+    let orders = (2..=WIDEST).rev().find_map(|widest| Orders::new(&sampled, widest));
     let reach = orders.as_ref().map_or(1, |orders| match purpose {
         Use::Instant if !orders.noisy => orders.errors.len(),
         _ => orders.best(),
@@ -196,8 +193,7 @@ impl Orders {
         }
         let mean = |value: &dyn Fn(&Changes) -> f64| full().map(value).sum::<f64>() / count as f64;
         let noise = mean(&|changes| changes.noise(widest));
-        let reaches = widest.min(WIDEST);
-        let best = flattest(reaches);
+        let best = flattest(widest);
         let of_reach = |reach: usize| {
             let weights = flattest(reach);
             let left_out: Vec<f64> = (best.iter().enumerate())
@@ -209,7 +205,7 @@ impl Orders {
         };
         let noisy =
             noise * noise_through(&best) > MOST_NOISE * mean(&|changes| changes.sum(&best).norm_squared());
-        Some(Self { errors: (1..=reaches).map(of_reach).collect(), noisy })
+        Some(Self { errors: (1..=widest).map(of_reach).collect(), noisy })
     }
 
     /// Neighbours with the least error.
