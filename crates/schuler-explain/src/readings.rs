@@ -6,8 +6,8 @@
 //! - clipped: more readings at the extreme value than at the next, which in a tail are fewer: binomial with ½; or more
 //!   that are equal than coincide elsewhere;
 //! - coarse: all readings on a lattice coarser than nominal, and than the noise or than so many readings let pass unseen;
-//! - spikes: n readings that stand off from their neighbours on both sides: n C(N, n) Π 2Φ(−uᵢ), at the n that shows
-//!   most. u is the distance from the median of the neighbours, as many of them as make it spread least: few where the output
+//! - spikes: n readings that stand off from their neighbours on both sides more than the next does: n P(χ²₂ₙ > 2 Σ (xᵢ − x₍ₙ₊₁₎)),
+//!   x = −ln 2Φ(−u), at the n that shows most. u is the distance from the median of the neighbours, as many of them as make it spread least: few where the output
 //!   wanders, many where its noise is white.
 use nalgebra::DVector;
 use rayon::prelude::*;
@@ -48,6 +48,8 @@ const MOST_LEVELS: f64 = 1e5;
 pub const OFF_LATTICE: f64 = 1e-3;
 /// Standoff from which on a reading may be a spike, in standard deviations.
 const LEAST_STANDOFF: f64 = 4.5;
+/// Standoff from which on spikes are compared with a reading.
+const LEAST_COMPARED: f64 = 2.5;
 /// Evidence below which readings that stand off are left as they are: one sensor in five thousand shows as much by chance.
 const LEAST_SPIKES: f64 = 8.5;
 /// Readings on each side with which one may be compared.
@@ -403,7 +405,7 @@ fn spikes(model: &Model, block: &Block, steps: &[f64], masked: &[Vec<bool>]) -> 
     for (place, &row) in used.iter().enumerate() {
         let vector: Vec<f64> = standoffs.iter().map(|channel| channel[place]).collect();
         let size = vector.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
-        if size > LEAST_STANDOFF {
+        if size > LEAST_COMPARED {
             let nearest = block.nearest(&vector);
             let jumps = |place: &usize| !model.sources[block.sources[*place]].integrates;
             let sensor = block.alike(nearest).into_iter().find(jumps).unwrap_or(nearest);
@@ -461,24 +463,28 @@ fn standoffs(values: &[f64], neighbours: usize, floor: f64) -> (f64, Vec<f64>) {
     (whole, distances)
 }
 
-/// How many of the spikes (row, standoff), the largest first, show most, of `rows` readings; and how much: several that
-/// would not stand out alone do together. They are left sorted by their standoff.
-fn most_evidence(spikes: &mut [(usize, f64)], rows: usize) -> Option<(usize, f64)> {
-    spikes.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let n = rows as f64;
-    if spikes.len() as f64 > MOST_SPIKES * n {
+/// How many of the readings (row, standoff) that stand off most are spikes, and how much they show: several that would not stand
+/// out alone do together. They are left sorted by their standoff.
+///
+/// However many readings there are, −ln P of the n that stand off most, each less that of the next one, add up to a gamma
+/// distribution of shape n where all are Gaussian (Rényi, Acta Mathematica Hungarica 4, 1953, 191).
+fn most_evidence(standoffs: &mut [(usize, f64)], rows: usize) -> Option<(usize, f64)> {
+    standoffs.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let spikes = standoffs.partition_point(|(_, standoff)| *standoff > LEAST_STANDOFF);
+    if spikes as f64 > MOST_SPIKES * rows as f64 {
         return None;
     }
-    let mut tails = 0.0;
+    let alone = |standoff: f64| -ln_chi_squared_tail(standoff * standoff, 1);
+    let mut sum = 0.0;
     let mut best: Option<(usize, f64)> = None;
-    for (index, (_, standoff)) in spikes.iter().enumerate() {
-        let number = (index + 1) as f64;
-        tails -= ln_chi_squared_tail(standoff * standoff, 1);
-        let choose = ln_gamma(n + 1.0) - ln_gamma(number + 1.0) - ln_gamma(n - number + 1.0);
+    for number in 1..=spikes {
+        sum += alone(standoffs[number - 1].1);
+        let next = standoffs.get(number).map_or(LEAST_COMPARED, |(_, standoff)| *standoff);
+        let n = number as f64;
         // The number was sought as well.
-        let evidence = tails - choose - number.ln();
+        let evidence = -ln_chi_squared_tail(2.0 * (sum - n * alone(next)), 2 * number) - n.ln();
         if evidence > best.map_or(LEAST_SPIKES, |best| best.1) {
-            best = Some((index + 1, evidence));
+            best = Some((number, evidence));
         }
     }
     best
@@ -498,8 +504,11 @@ fn median(values: &mut [f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::{
-        LEAST_STANDOFF, NEIGHBOURS, Repeats, clipped, coarse, lattice, same_at_rest, standoffs, stuck,
+        LEAST_STANDOFF, NEIGHBOURS, Repeats, clipped, coarse, lattice, most_evidence, same_at_rest,
+        standoffs, stuck,
     };
+    use rand::{RngExt, SeedableRng};
+    use statrs::function::erf::erfc_inv;
 
     /// One reading that stands off is a spike with any number of neighbours; a few in a row, a step and a ramp are none.
     #[test]
@@ -518,6 +527,25 @@ mod tests {
             assert!(spikes(&|k| if k >= 700 { 4.0 } else { 0.0 }).is_empty());
             assert!(spikes(&|k| 0.1 * k as f64).is_empty());
         }
+    }
+
+    /// A month of Gaussian readings has many that stand off far: they are no spikes, and those that stand off further are.
+    #[test]
+    fn largest_of_a_month_of_gaussian_readings_are_no_spikes() {
+        const ROWS: usize = 2_600_000;
+        const EVERY: f64 = 4.0;
+        let beyond = statrs::function::erf::erfc(EVERY / std::f64::consts::SQRT_2);
+        let mut random = rand_pcg::Pcg64::seed_from_u64(5);
+        let mut month = || -> Vec<(usize, f64)> {
+            let tail = (0..(ROWS as f64 * beyond) as usize).map(|_| beyond * random.random::<f64>());
+            tail.map(|p| (0, std::f64::consts::SQRT_2 * erfc_inv(p))).collect()
+        };
+        // One in five thousand, less than one of these, and the number that was sought.
+        assert!((0..2000).filter(|_| most_evidence(&mut month(), ROWS).is_some()).count() <= 4);
+        let mut with_spikes = month();
+        with_spikes.extend([(1, 8.0), (2, 6.6), (3, 7.0), (4, 20.0)]);
+        assert_eq!(most_evidence(&mut with_spikes, ROWS).unwrap().0, 4);
+        assert_eq!(with_spikes[..4].iter().map(|spike| spike.0).collect::<Vec<_>>(), [4, 1, 3, 2]);
     }
 
     /// Two levels lie on a lattice anyhow: what comes again and again is one, a step or a few glitches are none.
