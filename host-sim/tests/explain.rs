@@ -113,6 +113,33 @@ fn nothing_concealed_is_nothing_found_and_still_a_success() {
     assert!(std::fs::read_to_string(page).unwrap().contains("No mismatch"));
 }
 
+/// A weaker level shows what chance does, each with its probability.
+#[test]
+fn level_is_the_probability_of_finding_anything_by_chance() {
+    let directory = tempfile::tempdir().unwrap();
+    let case = recorded(directory.path(), 2000, 0.0);
+    let probabilities = |level: &str| -> Vec<f64> {
+        let said = explain(&[case.to_str().unwrap(), "--json", "--level", level]);
+        let json: Value = serde_json::from_slice(&said.stdout).unwrap();
+        json["findings"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|it| it["evidence"]["p_value"].as_f64().unwrap())
+            .collect()
+    };
+    assert!(probabilities("0.01").is_empty());
+    let by_chance = probabilities("0.9");
+    assert!(!by_chance.is_empty() && by_chance.iter().all(|p| (0.01..=0.9).contains(p)), "{by_chance:?}");
+    let failed = explain(&[case.to_str().unwrap(), "--level", "1"]);
+    assert_eq!(failed.status.code(), Some(2));
+    assert!(
+        text(&failed.stderr).contains("level: found 1; expected a probability"),
+        "{}",
+        text(&failed.stderr)
+    );
+}
+
 /// Both noises of the demonstration's loop are wrong by ten on its data sheet, which an oscillating noise of the gyro alone
 /// nearly makes good.
 #[test]

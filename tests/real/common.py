@@ -10,6 +10,9 @@ import numpy as np
 PROJECT = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get("SCHULER_DATA", PROJECT / "../shared/data"))
 STANDARD_GRAVITY = 9.80665
+# Descriptions whose scores differ by less are not told apart, and a parameter that gains less is not seen.
+ALIKE_NATS = 6.0
+LEAST_NATS = 6.0
 
 
 def cross_with_axes(v):
@@ -80,6 +83,8 @@ class Fit:
         sandwich = self.covariance @ long_run_covariance(scores) @ self.covariance
         self.sigmas = np.sqrt(np.maximum(np.diag(self.covariance), np.diag(sandwich)))
         self.log_likelihood = likelihood
+        # Schwarz's, in nats.
+        self.score = likelihood - 0.5 * columns * np.log(sum(known for *_, known in self.noise))
         self.residuals = [y - X @ self.coefficients for y, X in channels]
 
     def innovations(self, channel=0):

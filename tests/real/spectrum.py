@@ -22,9 +22,11 @@ def walk(frequency, step, q):
     return 2 * step * q**2 * step / (4 * np.sin(np.pi * frequency * step) ** 2)
 
 
-def flicker(frequency, level):
-    """Density level^2/f: falls slowly enough for its aliases to count little."""
-    return level**2 / frequency
+def flicker(frequency, level, step, ends_steps):
+    """Density level^2/f: falls slowly enough for its aliases to count little. Falls with 1/f^2 above the frequency to which the
+    shortest correlation time belongs, if there is one: the white level beside it is another by up to 12 %."""
+    ends = 1 / (2 * np.pi * ends_steps * step) if ends_steps else np.inf
+    return level**2 / frequency / (1 + (frequency / ends) ** 2) ** 0.5
 
 
 def exponential_cosine(frequency, step, sigma, alpha, beta):
@@ -36,16 +38,20 @@ def exponential_cosine(frequency, step, sigma, alpha, beta):
     return step * sigma**2 * (line(angle - beta * step) + line(angle + beta * step))
 
 
-MODELS = {
-    "white": [],
-    "white + markov": ["markov"],
-    "white + random walk": ["walk"],
-    "white + markov + random walk": ["markov", "walk"],
-    "white + two markov": ["markov", "markov"],
-    "white + flicker": ["flicker"],
-    "white + flicker + markov": ["flicker", "markov"],
-    "white + flicker + random walk": ["flicker", "walk"],
-}
+# Shortest correlation times of flicker, steps; none: it does not end.
+FLICKER_ENDS = [None, 2, 6]
+MODELS = [
+    ("white", []),
+    ("white + markov", ["markov"]),
+    ("white + random walk", ["walk"]),
+    ("white + markov + random walk", ["markov", "walk"]),
+    ("white + two markov", ["markov", "markov"]),
+]
+MODELS += [
+    (f"white + flicker{more}", [("flicker", ends_steps), *parts])
+    for more, parts in [("", []), (" + markov", ["markov"]), (" + random walk", ["walk"])]
+    for ends_steps in FLICKER_ENDS
+]
 
 
 def density(parameters, parts, frequency, step):
@@ -58,8 +64,8 @@ def density(parameters, parts, frequency, step):
         elif part == "walk":
             total += walk(frequency, step, p[k])
             k += 1
-        elif part == "flicker":
-            total += flicker(frequency, p[k])
+        elif part[0] == "flicker":
+            total += flicker(frequency, p[k], step, part[1])
             k += 1
         else:
             total += exponential_cosine(frequency, step, p[k], p[k + 1], p[k + 2])
@@ -89,7 +95,7 @@ def structures(values, step, extra=()):
     frequency, power = periodogram(values, step)
     spread, white = np.std(values), np.sqrt(np.mean(power[len(power) * 3 // 4 :]) / (2 * step))
     duration, fits = len(values) * step, []
-    for name, parts in MODELS.items():
+    for name, parts in MODELS:
         start, taus = [white], iter([duration / 20, duration / 200])
         for part in parts:
             if part == "markov":
@@ -155,6 +161,14 @@ def level_changes(values, lengths):
         if all(abs(row - other) > max(length, reach) for other, _, reach in changes):
             changes.append((row, size, length))
     return [(row, size) for row, size, _ in changes]
+
+
+def without_changes(values, changes):
+    """What is left of the values when their level has not changed."""
+    left = values.copy()
+    for row, size in changes:
+        left[row:] -= size
+    return left
 
 
 def allow_level_changes(report, case, name, values, lengths):

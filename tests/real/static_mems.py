@@ -8,10 +8,11 @@ Markov process does as well.
 import numpy as np
 import pandas as pd
 from common import DATA, STANDARD_GRAVITY, Report
-from spectrum import allan, allow_level_changes, strongest_line, structures
+from spectrum import allan, allow_level_changes, strongest_line, structures, without_changes
 
 # What other parts of the noise are named: the white level that is left is another beside each of them.
 EFFECTS = {"markov": "noise_markov", "walk": "noise_random_walk", "flicker": "noise_flicker", "exp_cos": "noise_exp_cos"}
+LEVELS = ["intermittent_jump", "bias_step"]
 COUNTS = [8.726646e-4] * 3 + [0.0326561] * 3
 
 
@@ -36,14 +37,20 @@ def main():
                 extra = [("exp_cos", [0.3 * np.std(column), 0.003, 2 * np.pi * frequency])]
                 report.allow(case, name, "periodic_line", "noise_exp_cos")
                 report.require(case, name, "periodic_line|noise_exp_cos")
+            # Five to twenty seconds are above the line's period and below all slow parts.
+            changes = allow_level_changes(report, case, name, column, [round(s / step) for s in (5, 10, 20)])
             best = structures(column, step, extra)
             score, structure, parts, likelihood, parameters, deviations = best[0]
             gain = likelihood - [row for row in best if row[1] == "white"][0][3]
-            report.case(case)["optional"] = list(EFFECTS.values())
-            for _, _, others, _, levels, spreads in best:
-                sigma = levels[0] * spreads[0]
-                report.estimate(case, name, "noise_white", "sigma", levels[0], sigma, unit,
-                                gain=0.5 * ((levels[0] - white) / sigma) ** 2, beside=sorted({EFFECTS[part] for part in others}))
+            report.case(case)["optional"] = [*EFFECTS.values(), *LEVELS]
+            # Beside changes of the level as well, in which the names of these do not matter.
+            left = structures(without_changes(column, changes), step, extra) if changes else []
+            for fits, beside in [(best, []), (left, LEVELS[:1]), (left, LEVELS[1:]), (left, LEVELS)]:
+                for _, _, others, _, fitted, spreads in fits:
+                    sigma = fitted[0] * spreads[0]
+                    effects = {EFFECTS[part if isinstance(part, str) else part[0]] for part in others}
+                    report.estimate(case, name, "noise_white", "sigma", fitted[0], sigma, unit,
+                                    gain=0.5 * ((fitted[0] - white) / sigma) ** 2, beside=sorted(effects | set(beside)))
             k = 1
             for part in parts:
                 p, d = parameters[k:], deviations[k:]
@@ -54,7 +61,7 @@ def main():
                 elif part == "walk":
                     report.estimate(case, name, "noise_random_walk", "coefficient", p[0], p[0] * d[0], f"{unit}/sqrt(s)", gain=gain)
                     k += 1
-                elif part == "flicker":
+                elif part[0] == "flicker":
                     # Its level is said in as many ways as there are programs.
                     k += 1
                 else:
@@ -66,12 +73,10 @@ def main():
                     k += 3
             report.allow(case, name, "noise_white", "noise_markov", "noise_random_walk", "noise_flicker",
                          "noise_angle_quantisation", "noise_variance_step", "noise_exp_cos", "noise_outliers")
-            # Five to twenty seconds are above the line's period and below all slow parts.
-            jumps = len(allow_level_changes(report, case, name, column, [round(s / step) for s in (5, 10, 20)]))
             # A slow part is as well a drift over the record; a wandering one has steps.
             if structure != "white":
                 report.allow(case, name, "bias_drift_linear", "bias_warmup", "bias_step")
-            report.remark(case, f"{name}: {structure}{' + line' if extra else ''}, level changes: {jumps}, "
+            report.remark(case, f"{name}: {structure}{' + line' if extra else ''}, level changes: {len(changes)}, "
                           f"Allan deviation {[float(f'{allan(column, m):.2g}') for m in (1, 10, 100, 1000)]} {unit}")
     report.print()
 

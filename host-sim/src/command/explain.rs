@@ -34,6 +34,9 @@ Examples:
     schuler explain run_17/case.toml --report run_17.html
     schuler explain run_17/case.toml --json > run_17.json
 
+  What is below the usual level as well, of which one record in five shows something by chance:
+    schuler explain run_17/case.toml --level 0.2
+
   With the block by which the flight module takes the effects out:
     schuler explain run_17/case.toml --compensation run_17.block
 
@@ -54,6 +57,9 @@ pub(super) struct Arguments {
     /// Also draw what is explained, what is left and each effect against its cause, in these forms; needs --out.
     #[arg(long, value_enum, value_delimiter = ',', requires = "out")]
     plot: Vec<Format>,
+    /// Probability that anything is found in a record with nothing left out.
+    #[arg(long, value_name = "PROBABILITY", default_value_t = Options::default().level)]
+    level: f64,
     /// Write the block by which the flight module compensates what was found.
     #[arg(long, value_name = "BLOCK")]
     compensation: Option<PathBuf>,
@@ -73,7 +79,8 @@ struct Answer<'r> {
 pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failure> {
     let recording = memory::recording(CaseFile::read(&arguments.case)?, NEED, session)?;
     let progress = session.phases();
-    let explained = explain_watched(&recording, &Options::default(), &progress);
+    let options = Options { level: arguments.level, ..Options::default() };
+    let explained = explain_watched(&recording, &options, &progress);
     let (explanation, arrays) = explained.map_err(|error| match error {
         explain::Error::Cancelled => Failure::Stopped(Interrupted),
         error => Error::one(&arguments.case, Problem::of_file(error.to_string())).into(),
