@@ -238,7 +238,8 @@ fn explained<S>(
         if options.hold_out { hold_out(case, &selection.null, &selection.state) } else { Fit::default() };
     let mut notes = recording.warnings.clone();
     notes.extend(model.notes.iter().cloned());
-    notes.extend(set_remainders_aside(&mut findings, recording));
+    let told = |main: &Finding, sensor: &str| told_of(case, &selection, main, sensor);
+    notes.extend(set_remainders_aside(&mut findings, recording, &told));
     notes.extend(set_rounding_aside(&mut findings, recording, &faults.found));
     notes.extend(set_angles_aside(&mut findings, recording, &of_angle));
     if many {
@@ -267,9 +268,32 @@ fn within_record(model: &Model, state: &State) -> Option<Model> {
     any.then(|| model.without_rows(beyond))
 }
 
+/// What a finding tells of a sensor, nats: what it gains, or the energy of its term there, if that is less.
+fn told_of(case: &Case<'_>, selection: &Selection<'_>, finding: &Finding, sensor: &str) -> f64 {
+    let model = case.model;
+    let source = model.sources.iter().find(|source| source.name == sensor);
+    let Some(block) = source.and_then(|source| model.block_of(source.sensor)) else {
+        return finding.evidence.gain_nats;
+    };
+    let is_it = |term: &Term| {
+        let candidate = &case.candidates[term.candidate];
+        candidate.effect.id == finding.effect && target_name(model, candidate) == finding.sensor
+    };
+    let terms = &selection.state.terms;
+    let energies = (0..terms.len())
+        .filter(|&place| is_it(&terms[place]))
+        .map(|place| selection.bench.energy_in(block, place));
+    energies.reduce(f64::max).map_or(finding.evidence.gain_nats, |most| most.min(finding.evidence.gain_nats))
+}
+
 /// Takes away the findings that say of a sensor what a much stronger term on it, or on its instrument, may leave over
-/// because its form is not exact, and says so. They stay in the description that is fitted.
-fn set_remainders_aside(findings: &mut Vec<Finding>, recording: &Recording) -> Vec<String> {
+/// because its form is not exact, and says so. They stay in the description that is fitted. `told` is what a finding tells of a
+/// sensor: a mounting leaves nothing over on gyros that do not turn.
+fn set_remainders_aside(
+    findings: &mut Vec<Finding>,
+    recording: &Recording,
+    told: &dyn Fn(&Finding, &str) -> f64,
+) -> Vec<String> {
     let group = |name: &str| {
         let series = recording.sensors.iter().find(|series| series.sensor.id == name);
         series.and_then(|series| series.sensor.group.as_deref())
@@ -286,7 +310,7 @@ fn set_remainders_aside(findings: &mut Vec<Finding>, recording: &Recording) -> V
             let part = if thermal(main) && thermal(finding) { THERMAL_FORM } else { FORM };
             !main.effect.starts_with("noise_")
                 && meet(&main.sensor, &finding.sensor)
-                && part * main.evidence.gain_nats > finding.evidence.gain_nats
+                && part * told(main, &finding.sensor) > finding.evidence.gain_nats
         };
         let main = all.iter().find(is_main);
         main.filter(|_| !of_itself.contains(&finding.effect.as_str()))

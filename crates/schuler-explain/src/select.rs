@@ -159,6 +159,7 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
             others.push(Way::Parts(index));
         }
     }
+    others.extend(left_by_instruments(case, best).map(Way::Without));
     // Terms first are what several effects together want: they have as much as all other ways.
     let share = budget.shared_among(if others.len() > 1 { 2 } else { 1 });
     let mut rest = share.shared_among(others.len().saturating_sub(1));
@@ -173,9 +174,14 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
         let walked = match way {
             Way::Best | Way::TermsFirst | Way::TermsThenAllNoise => from_nothing(way, &visited, &mut budget),
             Way::Without(candidate) => {
-                let place = best.changes.iter().position(|change| change.candidate == candidate);
-                let less = place.map(|place| without(case, best, Item::Change(place)).0);
-                from(less.unwrap_or_else(|| best.clone()), prices.clone(), way, &mut budget)
+                let (mut less, mut prices) = (best.clone(), prices.clone());
+                if let Some(place) = best.changes.iter().position(|change| change.candidate == candidate) {
+                    less = without(case, best, Item::Change(place)).0;
+                } else if let Some(place) = best.terms.iter().position(|term| term.candidate == candidate) {
+                    less = without(case, best, Item::Term(place)).0;
+                    prices.remove(place);
+                }
+                from(less, prices, way, &mut budget)
             }
             Way::Parts(block) => from(parts(case, &null, block), Vec::new(), way, &mut budget),
         };
@@ -314,7 +320,7 @@ enum Way {
     /// Terms, in a redundant set as many as it has sensors; then all parts of the noises at once, and then what shows most. Many sensors
     /// with an error and another noise each are more than a search finds one by one within its budget.
     TermsThenAllNoise,
-    /// From the best description without the change of noise that is this candidate: what shows most but for it.
+    /// From the best description without the item that is this candidate: what shows most but for it.
     Without(usize),
     /// What shows most beside the nominal parts of the noises of a block with other values.
     Parts(usize),
@@ -323,6 +329,19 @@ enum Way {
 /// The blocks in whose channels several sources meet.
 fn several_sources(model: &Model) -> impl Iterator<Item = usize> + '_ {
     (0..model.blocks.len()).filter(|&block| model.blocks[block].channels < model.blocks[block].sources.len())
+}
+
+/// Terms on a sensor beside a term on its whole instrument: it may have taken what is another sensor's own, and left this.
+fn left_by_instruments<'s>(case: &'s Case<'_>, state: &'s State) -> impl Iterator<Item = usize> + 's {
+    let target = |term: &Term| &case.candidates[term.candidate].target;
+    let on_instrument = move |sensor: usize| {
+        let holds =
+            |term: &Term| matches!(target(term), Target::Group { sensors, .. } if sensors.contains(&sensor));
+        state.terms.iter().any(holds)
+    };
+    let is_left =
+        move |term: &&Term| matches!(*target(term), Target::Sensor(sensor) if on_instrument(sensor));
+    state.terms.iter().filter(is_left).map(|term| term.candidate)
 }
 
 /// All parts of the noises of a block that the user names, as changes, with the values that fit best together.
@@ -471,6 +490,7 @@ fn forward<'c>(
                 None => proposals.push(proposal),
             }
         }
+        proposals.retain(|proposal| way != Way::Without(proposal.term.candidate));
         proposals.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         let mut chosen = None;
         if terms_only {

@@ -430,6 +430,24 @@ impl<'c> Bench<'c> {
         (solution.gain + offset - self.solution.gain, solution)
     }
 
+    /// What a term at its fitted amplitudes gains in a block at most: half its whitened energy there. Without bound where its
+    /// amplitude is no coefficient, as of a delay.
+    pub fn energy_in(&self, block: usize, place: usize) -> f64 {
+        let Some(term) = self.terms.get(place).filter(|term| !term.unit_amplitude) else {
+            return f64::INFINITY;
+        };
+        let Some(Some(whitened)) = self.blocks.get(block) else { return 0.0 };
+        let before: usize = self.terms[..place].iter().map(Term::amplitudes).sum();
+        let first = self.case.model.constants.len() + before;
+        let own = first..first + term.columns.len();
+        let of_term = || self.places[block].iter().enumerate().filter(|(_, place)| own.contains(*place));
+        let amplitude = |place: &usize| self.solution.amplitudes.get(*place).copied().unwrap_or_default();
+        let products = of_term().flat_map(|(i, a)| {
+            of_term().map(move |(j, b)| amplitude(a) * amplitude(b) * whitened.sums.normal[(i, j)])
+        });
+        0.5 * products.sum::<f64>()
+    }
+
     /// The smallest angle between the whitened signatures of two terms, degrees, what is described taken out of both.
     pub fn angle_deg(&self, a: &Term, b: &Term) -> f64 {
         let (model, delays) = (self.case.model, Delays::new(&self.terms));

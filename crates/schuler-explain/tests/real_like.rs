@@ -159,3 +159,55 @@ fn coarse_readings_on_a_large_constant_leave_the_likelihood_sound() {
         }
     }
 }
+
+/// A unit at rest in poses, whose mounting is beyond doubt by its accelerometers: on a gyro that does not turn a mounting leaves nothing
+/// over, and a constant of some nats is the gyro's own.
+#[test]
+fn what_a_mounting_cannot_leave_over_is_told() {
+    let mut random = Pcg64::seed_from_u64(3);
+    let mut noise = || -> f64 { StandardNormal.sample(&mut random) };
+    let mut table = "t,wx,wy,wz,fx,fy,fz,gx,ax,ay,az\n".to_owned();
+    let (turned, constant) = ([0.003, -0.002, 0.004], 0.15);
+    for row in 0..3000 {
+        let mut force = [0.0; 3];
+        force[row / 500 % 3] = if row / 1500 == 0 { 9.8 } else { -9.8 };
+        let [fx, fy, fz] = force;
+        let [ex, ey, ez] = turned;
+        // f × e beside f.
+        let (ax, ay, az) = (fx + fy * ez - fz * ey, fy + fz * ex - fx * ez, fz + fx * ey - fy * ex);
+        let _ = writeln!(
+            table,
+            "{row},0,0,0,{fx},{fy},{fz},{},{},{},{}",
+            constant + noise(),
+            ax + 1e-3 * noise(),
+            ay + 1e-3 * noise(),
+            az + 1e-3 * noise()
+        );
+    }
+    let mut case =
+        "format = \"schuler-case/1\"\ntitle = \"poses\"\n[recording]\npath = \"poses.csv\"\ntime = \"t\"\n\
+                    step_s = 1.0\n[motion]\nkind = \"recorded\"\nrate = [\"wx\", \"wy\", \"wz\"]\n\
+                    specific_force = [\"fx\", \"fy\", \"fz\"]\n"
+            .to_owned();
+    for (id, kind, unit, axis, white) in [
+        ("gx", "mems_gyro", "deg/h", "1.0, 0.0, 0.0", 1.0),
+        ("ax", "accelerometer", "m/s^2", "1.0, 0.0, 0.0", 1e-3),
+        ("ay", "accelerometer", "m/s^2", "0.0, 1.0, 0.0", 1e-3),
+        ("az", "accelerometer", "m/s^2", "0.0, 0.0, 1.0", 1e-3),
+    ] {
+        let _ = writeln!(
+            case,
+            "[[sensor]]\nid = \"{id}\"\nkind = \"{kind}\"\ncolumn = \"{id}\"\nunit = \"{unit}\"\naxis = [{axis}]\n\
+             group = \"imu\"\n[sensor.nominal]\nbias = 0.0\nwhite = {white}"
+        );
+    }
+    let explanation = explained("poses", &case, &table);
+    let gain = |sensor: &str, effect: &str| {
+        let found =
+            explanation.findings.iter().find(|finding| finding.sensor == sensor && finding.effect == effect);
+        found.unwrap_or_else(|| panic!("{sensor} {effect} in {:?}", explanation.findings)).evidence.gain_nats
+    };
+    let (mounting, constant) = (gain("imu", "misalignment"), gain("gx", "bias_constant"));
+    // Otherwise nothing would have been set aside.
+    assert!(0.01 * mounting > constant, "{mounting} {constant}");
+}
