@@ -10,7 +10,9 @@ longer and the arm down two to four times as long.
 
 Mounting, scale factor and constants are fitted in every combination: at a speed that hardly changes a mounting about z and a
 constant of y are nearly the same, so that the value of one is another beside the other. A name is right that stands out in a
-combination which the log does not tell from the best one. Standard deviations count the delay's.
+combination which the log does not tell from the best one. Standard deviations count the delay's. All that with and without a scale factor
+of the component across, beside the mounting -1.4 to -3.3 % in five of the six legs, 2 to 4 sigma in each: beside it the arm along
+is 1 to 2 % longer.
 """
 
 from itertools import product
@@ -30,16 +32,18 @@ OPTIONAL = {
     "misalignment": ["angle_x", "angle_y", "angle_z"],
     "bias_constant": ["coefficient_x", "coefficient_y", "coefficient_z"],
 }
+UNITS = {"lever_arm": "m", "misalignment": "rad", "scale_factor": "ppm", "bias_constant": "m/s"}
 ARM = ["arm_x_m", "arm_y_m", "arm_z_m"]
 
 
-def channels(leg, delay, beside=tuple(OPTIONAL), lever=True):
+def channels(leg, delay, beside=tuple(OPTIONAL), lever=True, across=False):
     velocity, rate = leg["velocity"](leg["t"] - delay), leg["rate"](leg["t"] - delay)
     rows = slice(EDGE, -EDGE)
     columns = [cross_with_axes(rate)] if lever else []
     columns += [velocity[:, :, None]] if "scale_factor" in beside else []
     columns += [cross_with_axes(velocity)] if "misalignment" in beside else []
     columns += [np.broadcast_to(np.eye(3), (len(rate), 3, 3))] if "bias_constant" in beside else []
+    columns += [(velocity * [0, 1, 0])[:, :, None]] if across else []
     X, y = np.concatenate(columns, axis=2), leg["log"] - velocity
     return [(y[rows, axis], X[rows, axis]) for axis in range(3)]
 
@@ -85,21 +89,24 @@ def main():
                 "lever_arm": fit.log_likelihood - best(leg, lever=False)[1].log_likelihood}
         report.case(case)["optional"] = list(OPTIONAL)
         scores = {}
-        for chosen in product([False, True], repeat=len(OPTIONAL)):
+        for *chosen, across in product([False, True], repeat=len(OPTIONAL) + 1):
             beside = [effect for effect, there in zip(OPTIONAL, chosen) if there]
-            at, alone = best(leg, around=delay, beside=beside)
-            joint = with_delay(leg, at, alone, beside=beside)
-            scores[tuple(beside)] = joint.score
+            options = {"beside": beside, "across": across}
+            at, alone = best(leg, around=delay, **options)
+            joint = with_delay(leg, at, alone, **options)
+            scores[tuple(beside), across] = joint.score
             names = [("lever_arm", name) for name in ARM]
             names += [(effect, name) for effect in beside for name in OPTIONAL[effect]]
+            names += [("scale_factor", "coefficient_y")] if across else []
             for (effect, name), value, sigma in zip(names, joint.coefficients, joint.sigmas):
-                if effect == "bias_constant":
+                sensor, scale, unit = "dvl", 1.0, UNITS[effect]
+                if "_" in name and effect in ("bias_constant", "scale_factor"):
                     name, letter = name.split("_")
-                    report.estimate(case, f"dvl_{letter}", effect, name, value, sigma, "m/s", beside=beside)
-                else:
-                    scale, unit = {"scale_factor": (1e6, "ppm"), "misalignment": (1.0, "rad")}.get(effect, (1.0, "m"))
-                    report.estimate(case, "dvl", effect, name, scale * value, scale * sigma, unit, gain.get(effect), beside=beside)
-            report.estimate(case, "dvl", "time_delay", "delay_s", at, joint.sigmas[-1], "s", gain["time_delay"], beside=beside)
+                    sensor = f"dvl_{letter}"
+                if effect == "scale_factor":
+                    scale = 1e6
+                report.estimate(case, sensor, effect, name, scale * value, scale * sigma, unit, gain.get(effect), **options)
+            report.estimate(case, "dvl", "time_delay", "delay_s", at, joint.sigmas[-1], "s", gain["time_delay"], **options)
         spread = [float(np.std(residual)) for residual in fit.residuals]
         raw = [float(np.std(y)) for y, _ in channels(leg, 0.0)]
         report.remark(case, f"standard deviation of the difference {np.round(raw, 4).tolist()} m/s, of what is left "
@@ -111,10 +118,11 @@ def main():
             report.allow(case, f"dvl_{axis}", "noise_white", "noise_markov", "noise_random_walk", "noise_flicker", "noise_exp_cos",
                          "noise_variance_step", "noise_outliers", "noise_angle_quantisation")
         for row in report.case(case)["estimates"]:
-            alike = scores[tuple(row["beside"])] > max(scores.values()) - ALIKE_NATS
+            alike = scores[tuple(row["beside"]), row["across"]] > max(scores.values()) - ALIKE_NATS
             if alike and row["gain_nats"] > LEAST_NATS and row["effect"] in OPTIONAL:
                 report.allow(case, row["sensor"], row["effect"])
-        report.remark(case, f"as good: {[list(beside) for beside, score in scores.items() if score > max(scores.values()) - ALIKE_NATS]}")
+        alike = [structure for structure, score in scores.items() if score > max(scores.values()) - ALIKE_NATS]
+        report.remark(case, "as good: " + "; ".join(", ".join(beside) + " and y's scale" * across for beside, across in alike))
     report.print()
 
 

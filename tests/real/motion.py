@@ -121,6 +121,29 @@ def descriptions(y, always, optional):
     return [row for row in fits if row[1].score > fits[0][1].score - ALIKE_NATS]
 
 
+def report_sensor(report, case, sensor, group, names, fit):
+    """Estimates of a sensor (name, kind, axis) by one description, and the names that stand out in it."""
+    name, kind, axis = sensor
+    course = case in COURSE
+    of_output = "rad/s" if kind == "gyro" else "m/s^2"
+    units = {"bias_constant": of_output, "scale_factor": "ppm", "misalignment": "rad", "time_delay": "s", "lever_arm": "m"}
+    for (effect, letter), value, sigma in zip(names, fit.coefficients, fit.sigmas):
+        factor = 1e6 if effect == "scale_factor" else 1.0
+        delay = "delay_and_lag_s" if course else "delay_s"
+        parameter = {"time_delay": delay, "lever_arm": f"arm_{letter}_m"}.get(effect, "coefficient")
+        more = {}
+        if effect == "misalignment":
+            # Of a unit that is turned by the angles e the sensor along a feels (u x e).a, which is added up.
+            whole, across = {"sensor": group, "effect": effect}, "xyz".index(letter)
+            turned = [(f"angle_{k}", float(np.cross(e, axis)[across])) for k, e in zip("xyz", np.eye(3))]
+            more = {"axis": letter, "also": [whole | {"parameter": angle, "factor": part} for angle, part in turned if part]}
+        report.estimate(case, name, effect, parameter, factor * value, factor * sigma, units[effect], **more)
+        if 0.5 * (value / sigma) ** 2 > LEAST_NATS:
+            report.allow(case, name, effect)
+            if course and effect == "time_delay":
+                report.allow(case, name, "bandwidth_lag")
+
+
 def main():
     folder, report = Path(sys.argv[1]), Report("motion")
     for case, (latitude, altitude, group, axes) in CASES.items():
@@ -142,22 +165,7 @@ def main():
             optional |= {("misalignment", "xyz"[j]): u[:, j] for j in range(3) if j != own}
             fits = descriptions(y, always, optional)
             for chosen, fit in fits:
-                for (effect, letter), value, sigma in zip(chosen, fit.coefficients, fit.sigmas):
-                    factor, of, parameter = 1.0, unit, "coefficient"
-                    if effect == "scale_factor":
-                        factor, of = 1e6, "ppm"
-                    elif effect == "misalignment":
-                        of = "rad"
-                    elif effect == "time_delay":
-                        parameter, of = "delay_and_lag_s" if course else "delay_s", "s"
-                    elif effect == "lever_arm":
-                        parameter, of = f"arm_{letter}_m", "m"
-                    more = {"axis": letter} if effect == "misalignment" else {}
-                    report.estimate(case, name, effect, parameter, factor * value, factor * sigma, of, **more)
-                    if 0.5 * (value / sigma) ** 2 > LEAST_NATS:
-                        report.allow(case, name, effect)
-                        if course and effect == "time_delay":
-                            report.allow(case, name, "bandwidth_lag")
+                report_sensor(report, case, (name, kind, axis), group, chosen, fit)
             best, X = fits[0][1], np.column_stack([*always.values(), *optional.values()])
             report.allow(case, name, "noise_white", "noise_markov", "noise_random_walk", "noise_flicker", "noise_exp_cos",
                          "noise_variance_step", "noise_angle_quantisation", "noise_outliers")

@@ -24,13 +24,14 @@ use serde_json::Value;
 const LARGEST_DISTANCE: f64 = 3.0;
 
 /// Recordings of which every name is borne out, every value that can be compared agrees, and nothing is missing.
-const AGREED: [&str; 9] = [
+const AGREED: [&str; 10] = [
     "quartz_gravimeter/segment_62h",
     "mems_hot_cold/cold",
     "mems_static/run1",
     "mems_static/run2",
     "mems_static/run3",
     "mems_static/run1_10Hz",
+    "auv_doppler_ins/leg01",
     "auv_doppler_ins/leg02",
     "auv_doppler_ins/leg03",
     "auv_doppler_ins/leg06",
@@ -313,7 +314,7 @@ fn a_unit_in_the_cold() {
 }
 
 #[test]
-fn a_vehicle_under_water_on_three_legs() {
+fn a_vehicle_under_water_on_four_legs() {
     check("doppler", has_agreed);
 }
 
@@ -327,6 +328,10 @@ fn a_static_unit() {
 #[ignore = "explanation and calculation still differ"]
 fn what_still_differs() {
     let scripts = ["gravimeter", "thermal", "poses", "doppler", "motion", "gyro_array"];
-    let checks = scripts.map(|script| std::panic::catch_unwind(|| check(script, |case| !has_agreed(case))));
+    // Of the gyro array the larger cases end at the budget of work as the smallest does, after an hour.
+    let differs = |case: &str| {
+        !has_agreed(case) && (!case.starts_with("gyro_array") || case == "gyro_array/exp1_poses_3_units")
+    };
+    let checks = scripts.map(|script| std::panic::catch_unwind(|| check(script, differs)));
     assert!(checks.iter().all(Result::is_ok), "see above");
 }

@@ -46,8 +46,9 @@ const PAIR_BEHIND: f64 = 5.0;
 /// Pairs that are fitted in the place of the same items, and those of them from which the search goes on.
 const PAIRS_TRIED: usize = 8;
 const PAIRS_FOLLOWED: usize = 2;
-/// Nats by which another description by way of a pair must be the better one: where they are nearly as good, what was found one by one stands.
-const WORTH_A_PAIR: f64 = 1.0;
+/// Nats by which another description by way of a pair, or without a term, must be the better one: where they are nearly as good, what was
+/// found one by one stands.
+const WORTH_OTHER_TERMS: f64 = 1.0;
 /// Rounds, those that take something back included.
 const MOST_ROUNDS: usize = 2 * MOST_FINDINGS;
 /// Findings in whose number the progress is told, as it is not known how many there will be.
@@ -185,8 +186,10 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
             }
             Way::Parts(block) => from(parts(case, &null, block), Vec::new(), way, &mut budget),
         };
+        let has_terms_instead = matches!(way, Way::Without(candidate) if best.terms.iter().any(|term| term.candidate == candidate));
+        let least = straight.0 + if has_terms_instead { WORTH_OTHER_TERMS } else { 0.0 };
         let found = (!walked.joined).then(|| valued(walked.found, &mut budget));
-        (found, budget.exceeded)
+        (found.filter(|(worth, _)| *worth > least), budget.exceeded)
     };
     let (found, exceeded): (Vec<_>, Vec<bool>) = others.into_par_iter().map(searched).unzip();
     let mut exceeded = budget.exceeded || exceeded.contains(&true);
@@ -199,7 +202,7 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
                 continue;
             }
             let other = valued(walked.found, &mut for_pairs);
-            if other.0 > best.0 + WORTH_A_PAIR {
+            if other.0 > best.0 + WORTH_OTHER_TERMS {
                 best = other;
             }
         }
