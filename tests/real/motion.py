@@ -12,7 +12,7 @@ Derivatives are those of a cubic spline, or differences over two steps where the
 smaller than the derivative of what sways within a few steps (at 2.5 Hz and steps of 0.1 s by 0.6), the spline louder where the
 reference is noise. So it is for each sensor by itself: of the vehicle's accelerometers the one along the vertical sways
 (0.127 m/s^2 from the spline, 0.144 from the difference) and the others do not (0.145 and 0.125, 0.142 and 0.111); the cameras'
-rates are 0.08 and 0.15 rad/s from the readings. With the difference alone the vehicle's arm along comes out at -0.36 m instead of -0.05.
+rates are 0.08 and 0.15 rad/s from the readings. With differences alone the vehicle's arm along comes out at -0.39 m instead of -0.07.
 """
 
 import sys

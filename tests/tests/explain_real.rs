@@ -6,8 +6,8 @@
 //! without which an explanation is none. The recordings are looked for in `SCHULER_DATA`, else in `../shared/data` beside
 //! the project.
 //!
-//! Where they agree they must go on agreeing; what takes minutes is left out of the usual run. The others:
-//! `cargo test -p schuler-tests explain_real:: -- --ignored --nocapture` prints where they differ.
+//! Where they agree they must go on agreeing; what takes minutes is left out of the usual run. `cargo test -p schuler-tests
+//! explain_real:: -- --ignored --nocapture` runs that, and prints where the others differ.
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -62,7 +62,8 @@ fn run(command: &mut Command) -> String {
 /// What was calculated without us about one case.
 ///
 /// A value means what it does beside what else is fitted. An estimate may say which `beside` of the case's `optional` effects it
-/// was made, and counts for an explanation that names these of the sensor and its instrument and no others; what an explanation
+/// was made, and counts for an explanation that names these of the sensor and its instrument and no others. Given more than once for
+/// the same names, beside what an explanation may hold and not name (as too little to be told), the nearest counts. What an explanation
 /// shares between a sensor and its instrument is added up by the rules of `also`.
 struct Independent {
     estimates: Vec<Value>,

@@ -268,7 +268,8 @@ fn within_record(model: &Model, state: &State) -> Option<Model> {
     any.then(|| model.without_rows(beyond))
 }
 
-/// What a finding tells of a sensor, nats: what it gains, or the energy of its term there, if that is less.
+/// What a finding tells of a sensor, nats: what it gains, or the energy of its term there, if that is less; of a redundant set the
+/// energy is that in all its channels.
 fn told_of(case: &Case<'_>, selection: &Selection<'_>, finding: &Finding, sensor: &str) -> f64 {
     let model = case.model;
     let source = model.sources.iter().find(|source| source.name == sensor);
@@ -321,7 +322,11 @@ fn set_remainders_aside(
         notes.push(format!(
             "{}: {} gains {:.0} nats beside {} with {:.0}: too little to tell it from what an inexact form of that \
              leaves over",
-            finding.sensor, finding.effect, finding.evidence.gain_nats, main.effect, main.evidence.gain_nats
+            finding.sensor,
+            finding.effect,
+            finding.evidence.gain_nats,
+            main.effect,
+            told(main, &finding.sensor)
         ));
         false
     });

@@ -48,6 +48,8 @@ const MOST_LEVELS: f64 = 1e5;
 pub const OFF_LATTICE: f64 = 1e-3;
 /// Standoff from which on a reading may be a spike, in standard deviations.
 const LEAST_STANDOFF: f64 = 4.5;
+/// Standoff from which on one says no more than another.
+const BEYOND_DOUBT: f64 = 1e3;
 /// Standoff from which on spikes are compared with a reading.
 const LEAST_COMPARED: f64 = 2.5;
 /// Evidence below which readings that stand off are left as they are: one sensor in five thousand shows as much by chance.
@@ -61,6 +63,8 @@ const ALONE: f64 = 0.5;
 const ONE_SPREAD: usize = 500;
 /// Standard deviation of a normal distribution over the median of its magnitudes.
 const PER_MEDIAN: f64 = 1.4826;
+/// Part of one by which multiples of it are spread most evenly: that of the golden section.
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
 /// Fewest readings among which spikes are sought.
 const FEWEST_WITH_SPIKES: usize = 30;
 /// Most spikes, as a part of the readings.
@@ -385,18 +389,23 @@ fn spikes(model: &Model, block: &Block, steps: &[f64], masked: &[Vec<bool>]) -> 
     if used.len() < FEWEST_WITH_SPIKES {
         return found;
     }
+    let found_step = |source: usize| steps.get(model.sources[source].sensor).copied().unwrap_or_default();
     let floor = (block.sources.iter())
         .map(|&source| {
-            let noise = &model.sources[source].nominal;
-            let step = steps.get(model.sources[source].sensor).copied().unwrap_or_default();
+            let (noise, step) = (&model.sources[source].nominal, found_step(source));
             (noise.white_variance() + step * step / 4.0).sqrt()
         })
         .fold(f64::INFINITY, f64::min);
+    // What is made of several outputs goes by no step.
+    let step = match block.sources[..] {
+        [source] => found_step(source).max(model.sources[source].nominal.rounding),
+        _ => 0.0,
+    };
     let standoffs: Vec<Vec<f64>> = (0..block.channels)
         .map(|channel| {
             let values: Vec<f64> = used.iter().map(|row| block.data[channel * rows + row]).collect();
             // Readings that seldom move have no spread of their own.
-            let of = NEIGHBOURS.map(|neighbours| standoffs(&values, neighbours, floor));
+            let of = NEIGHBOURS.map(|neighbours| standoffs(&values, neighbours, step, floor));
             let closest = of.into_iter().min_by(|(a, _), (b, _)| a.total_cmp(b));
             closest.map(|(_, standoffs)| standoffs).unwrap_or_default()
         })
@@ -412,8 +421,9 @@ fn spikes(model: &Model, block: &Block, steps: &[f64], masked: &[Vec<bool>]) -> 
             of_sensor[sensor].push((row, size));
         }
     }
-    for (place, mut spikes) in of_sensor.into_iter().enumerate() {
-        let Some((number, evidence)) = most_evidence(&mut spikes, used.len()) else { continue };
+    for (place, mut furthest) in of_sensor.into_iter().enumerate() {
+        let Some((number, evidence)) = most_evidence(&mut furthest, used.len()) else { continue };
+        let mut spikes = furthest;
         spikes.truncate(number);
         spikes.sort_by_key(|spike| spike.0);
         let sensor = block.sensors[place];
@@ -434,7 +444,10 @@ fn spikes(model: &Model, block: &Block, steps: &[f64], masked: &[Vec<bool>]) -> 
 
 /// Spread of the distances of readings from the median of so many neighbours on each side, and those distances, in standard
 /// deviations of at least `floor`; 0 where a reading does not stand off from both sides alike.
-fn standoffs(values: &[f64], neighbours: usize, floor: f64) -> (f64, Vec<f64>) {
+///
+/// Distances of readings that go by a `step` are multiples of half of it. They are spread evenly over these: many equal ones would all
+/// stand off from the next level, and their median would be a level.
+fn standoffs(values: &[f64], neighbours: usize, step: f64, floor: f64) -> (f64, Vec<f64>) {
     let mut of_both = vec![0.0; 2 * neighbours];
     let mut distances = vec![0.0; values.len()];
     let mut alone = vec![false; values.len()];
@@ -444,7 +457,8 @@ fn standoffs(values: &[f64], neighbours: usize, floor: f64) -> (f64, Vec<f64>) {
         after.copy_from_slice(&values[place + 1..=place + neighbours]);
         let sides = [median(before), median(after)];
         let distance = values[place] - median(&mut of_both);
-        distances[place] = distance;
+        let evenly = (place as f64 * GOLDEN).fract() - 0.5;
+        distances[place] = distance + 0.5 * step * evenly;
         let stands_off = |from: f64| (values[place] - from) / distance > ALONE;
         alone[place] = [sides[0], sides[1], values[place - 1], values[place + 1]].into_iter().all(stands_off);
     }
@@ -474,7 +488,8 @@ fn most_evidence(standoffs: &mut [(usize, f64)], rows: usize) -> Option<(usize, 
     if spikes as f64 > MOST_SPIKES * rows as f64 {
         return None;
     }
-    let alone = |standoff: f64| -ln_chi_squared_tail(standoff * standoff, 1);
+    // Beyond doubt one is as good as another: the law of the next must not drown in the largest.
+    let alone = |standoff: f64| -ln_chi_squared_tail(standoff.min(BEYOND_DOUBT).powi(2), 1);
     let mut sum = 0.0;
     let mut best: Option<(usize, f64)> = None;
     for number in 1..=spikes {
@@ -504,10 +519,11 @@ fn median(values: &mut [f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::{
-        LEAST_STANDOFF, NEIGHBOURS, Repeats, clipped, coarse, lattice, most_evidence, same_at_rest,
-        standoffs, stuck,
+        LEAST_COMPARED, LEAST_STANDOFF, NEIGHBOURS, Repeats, clipped, coarse, lattice, most_evidence,
+        same_at_rest, standoffs, stuck,
     };
     use rand::{RngExt, SeedableRng};
+    use rand_distr::Distribution;
     use statrs::function::erf::erfc_inv;
 
     /// One reading that stands off is a spike with any number of neighbours; a few in a row, a step and a ramp are none.
@@ -518,7 +534,7 @@ mod tests {
         for neighbours in NEIGHBOURS {
             let spikes = |change: &dyn Fn(usize) -> f64| -> Vec<usize> {
                 let values: Vec<f64> = quiet.iter().enumerate().map(|(k, v)| v + change(k)).collect();
-                let (_, found) = standoffs(&values, neighbours, 0.0);
+                let (_, found) = standoffs(&values, neighbours, 0.0, 0.0);
                 (0..values.len()).filter(|k| found[*k].abs() > LEAST_STANDOFF).collect()
             };
             assert!(spikes(&|_| 0.0).is_empty());
@@ -543,9 +559,26 @@ mod tests {
         // One in five thousand, less than one of these, and the number that was sought.
         assert!((0..2000).filter(|_| most_evidence(&mut month(), ROWS).is_some()).count() <= 4);
         let mut with_spikes = month();
-        with_spikes.extend([(1, 8.0), (2, 6.6), (3, 7.0), (4, 20.0)]);
-        assert_eq!(most_evidence(&mut with_spikes, ROWS).unwrap().0, 4);
-        assert_eq!(with_spikes[..4].iter().map(|spike| spike.0).collect::<Vec<_>>(), [4, 1, 3, 2]);
+        with_spikes.extend([(1, 8.0), (2, 6.6), (3, 7.0), (4, 20.0), (5, 1e9)]);
+        assert_eq!(most_evidence(&mut with_spikes, ROWS).unwrap().0, 5);
+        assert_eq!(with_spikes[..5].iter().map(|spike| spike.0).collect::<Vec<_>>(), [5, 4, 1, 3, 2]);
+    }
+
+    /// Nor are those of readings that are coarse, of which many are equal.
+    #[test]
+    fn largest_of_coarse_readings_are_no_spikes() {
+        let mut random = rand_pcg::Pcg64::seed_from_u64(6);
+        for step in [0.5, 0.7, 1.5, 3.0] {
+            let mut noise = || -> f64 { rand_distr::StandardNormal.sample(&mut random) };
+            let values: Vec<f64> = (0..600_000).map(|_| (noise() / step).round() * step).collect();
+            let floor = (1.0_f64 + step * step / 4.0).sqrt();
+            for neighbours in NEIGHBOURS {
+                let (_, found) = standoffs(&values, neighbours, step, floor);
+                let far = found.iter().map(|standoff| standoff.abs()).enumerate();
+                let mut far: Vec<(usize, f64)> = far.filter(|(_, it)| *it > LEAST_COMPARED).collect();
+                assert!(most_evidence(&mut far, values.len()).is_none(), "{step} {neighbours}");
+            }
+        }
     }
 
     /// Two levels lie on a lattice anyhow: what comes again and again is one, a step or a few glitches are none.

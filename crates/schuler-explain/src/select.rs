@@ -160,16 +160,22 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
             others.push(Way::Parts(index));
         }
     }
-    others.extend(left_by_instruments(case, best).map(Way::Without));
-    // Terms first are what several effects together want: they have as much as all other ways.
-    let share = budget.shared_among(if others.len() > 1 { 2 } else { 1 });
-    let mut rest = share.shared_among(others.len().saturating_sub(1));
-    // What goes on from another description begins with a round's work on it.
+    // Terms first are what several effects together want: they have as much as all other ways. What goes on from another description
+    // begins with a round's work on it.
+    let first = usize::from(others.contains(&terms_first));
+    let left: Vec<Way> = left_by_instruments(case, best).map(Way::Without).collect();
     let blocks: Vec<usize> = (0..case.model.blocks.len()).collect();
-    if !rest.affords(of_round(case, best, &blocks)) {
+    let round = of_round(case, best, &blocks);
+    let share = budget.shared_among(if others.len() + left.len() > first { 1 + first } else { 1 });
+    let of_each = |more: usize| share.shared_among(others.len() - first + more);
+    let affordable = (0..=left.len()).rev().find(|&more| of_each(more).affords(round));
+    let rest = of_each(affordable.unwrap_or_default());
+    if affordable.is_none() {
         budget.exceeded |= others.iter().any(|way| *way != terms_first);
         others.retain(|way| *way == terms_first);
     }
+    // The last entered showed least.
+    others.extend(left.into_iter().rev().take(affordable.unwrap_or_default()));
     let searched = |way: Way| {
         let mut budget = if way == terms_first { share } else { rest };
         let walked = match way {
@@ -186,8 +192,8 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
             }
             Way::Parts(block) => from(parts(case, &null, block), Vec::new(), way, &mut budget),
         };
-        let has_terms_instead = matches!(way, Way::Without(candidate) if best.terms.iter().any(|term| term.candidate == candidate));
-        let least = straight.0 + if has_terms_instead { WORTH_OTHER_TERMS } else { 0.0 };
+        let is_without_term = matches!(way, Way::Without(candidate) if best.terms.iter().any(|term| term.candidate == candidate));
+        let least = straight.0 + if is_without_term { WORTH_OTHER_TERMS } else { 0.0 };
         let found = (!walked.joined).then(|| valued(walked.found, &mut budget));
         (found.filter(|(worth, _)| *worth > least), budget.exceeded)
     };
@@ -473,7 +479,7 @@ fn forward<'c>(
         if state.terms.len() + state.changes.len() >= MOST_FINDINGS || case.watch.is_cancelled() {
             break;
         }
-        // One that leaves a change of noise out goes on by itself.
+        // One that leaves an item out goes on by itself.
         let goes_on_alike = !(terms_only || matches!(way, Way::Without(_)));
         joined = goes_on_alike
             && straight.iter().any(|(items, log_likelihood)| {
