@@ -13,6 +13,9 @@
 //! a change was taken, the search goes on from the description without it, and once from all parts that the user names, with the
 //! values that fit best together. A search that would go on as the search from nothing did ends where it meets its way.
 //!
+//! What a whole instrument has in common may take what is one sensor's own, and leave its opposite on another: the search goes on without
+//! each term on a sensor that stands beside one on its instrument.
+//!
 //! Two terms may look like a third, beside which neither shows. In the place of the terms of a source all pairs of such are compared, and
 //! the search goes on from the best of them ([`Library::pairs`]).
 //!
