@@ -1,6 +1,7 @@
 //! Why a recording does not look like its simulation: the whole way from a recording to an [`Explanation`].
 use rayon::prelude::*;
 use schuler_recording::Recording;
+use schuler_recording::case::MotionKind;
 use thiserror::Error;
 
 use crate::arrays::arrays;
@@ -36,6 +37,9 @@ const FORM: f64 = 0.01;
 /// The same among dependences on temperature: the thermometer tells what the sensor feels within some 30 % of its
 /// changes, because it sits elsewhere and is late.
 const THERMAL_FORM: f64 = 0.1;
+
+/// Part of what differs from row to row from which on it goes with the reference.
+const OF_THE_REFERENCE: f64 = 0.8;
 
 /// What is said where the search ended at its budget of work.
 const EXCEEDED: &str = "the search ended at its budget of work: there may be more to find, and what was found may look like more \
@@ -242,6 +246,7 @@ fn explained<S>(
     notes.extend(set_remainders_aside(&mut findings, recording, &told));
     notes.extend(set_rounding_aside(&mut findings, recording, &faults.found));
     notes.extend(set_angles_aside(&mut findings, recording, &of_angle));
+    notes.extend(noise_of_references(&unmasked, recording, &findings));
     if many {
         notes.push(format!("the search ended at {MOST_FINDINGS} findings; there may be more"));
     }
@@ -331,6 +336,45 @@ fn set_remainders_aside(
         false
     });
     notes
+}
+
+/// Says where what differs, from row to row, goes with the reference of motion and not with the reading, of sensors of which something
+/// was found: a noisy reference is larger than the reading as that of a late instrument is, and nothing in the data tells them apart.
+fn noise_of_references(model: &Model, recording: &Recording, findings: &[Finding]) -> Vec<String> {
+    if recording.case.motion.kind != MotionKind::Recorded {
+        return Vec::new();
+    }
+    let curved = |values: &[f64]| -> Vec<f64> {
+        values.windows(3).map(|three| three[2] - 2.0 * three[1] + three[0]).collect()
+    };
+    let note = |block: &Block| {
+        let [source] = block.sources[..] else { return None };
+        let series = recording.sensors.get(model.sources[source].sensor)?;
+        let names = [Some(&series.sensor.id), series.sensor.group.as_ref()];
+        let is_its = |finding: &Finding| names.contains(&Some(&finding.sensor));
+        if !findings.iter().any(is_its) {
+            return None;
+        }
+        let readings = curved(&series.values);
+        let (mut together, mut alone) = (0.0, 0.0);
+        let curved_both = readings.iter().zip(curved(&block.data));
+        for (reading, differs) in curved_both.filter(|(a, b)| (**a + b).is_finite()) {
+            together += differs * (reading - differs);
+            alone += differs * differs;
+        }
+        // That of a sensor's own noise is 0, of the reference's −1.
+        let part = -together / alone;
+        (part > OF_THE_REFERENCE).then(|| {
+            format!(
+                "{}: {:.0} % of what differs from row to row goes with the reference and not with the reading, as noise of the \
+                 reference does, or an instrument that follows late or not at all: what is found of the motion on this sensor may \
+                 be the one or the other",
+                series.sensor.id,
+                100.0 * part.min(1.0)
+            )
+        })
+    };
+    model.blocks.iter().filter_map(note).collect()
 }
 
 /// Takes away the constants that are no larger than what rounding to the step that was found makes of readings whose noise does

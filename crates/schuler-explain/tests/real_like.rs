@@ -211,3 +211,33 @@ fn what_a_mounting_cannot_leave_over_is_told() {
     // Otherwise nothing would have been set aside.
     assert!(0.01 * mounting > constant, "{mounting} {constant}");
 }
+
+/// A noisy reference looks like a late instrument with a scale factor: that is said, and not of a noisy gyro.
+#[test]
+fn noise_of_the_reference_is_said() {
+    let mut random = Pcg64::seed_from_u64(11);
+    let mut noise = || -> f64 { StandardNormal.sample(&mut random) };
+    let mut motion = 0.0;
+    let rows: Vec<[f64; 3]> = (0..4000)
+        .map(|_| {
+            motion += 0.3 * (3.0 * noise() - motion);
+            [motion, noise(), noise()]
+        })
+        .collect();
+    let notes = |name: &str, [of_reference, of_reading]: [f64; 2]| -> Vec<String> {
+        let mut table = "t,wx,wy,wz,gx\n".to_owned();
+        for (row, [motion, a, b]) in rows.iter().enumerate() {
+            let (reference, reading) = (motion + of_reference * a, motion + of_reading * b);
+            let _ = writeln!(table, "{row},{reference},0,0,{reading}");
+        }
+        let case = format!(
+            "format = \"schuler-case/1\"\ntitle = \"reference\"\n[recording]\npath = \"{name}.csv\"\ntime = \"t\"\nstep_s = 1.0\n\
+             [motion]\nkind = \"recorded\"\nrate = [\"wx\", \"wy\", \"wz\"]\n[[sensor]]\nid = \"gx\"\nkind = \"mems_gyro\"\n\
+             column = \"gx\"\nunit = \"rad/s\"\naxis = [1.0, 0.0, 0.0]\n[sensor.nominal]\nbias = 0.0\nwhite = 0.2\n"
+        );
+        explained(name, &case, &table).notes
+    };
+    let is_said = |notes: &[String]| notes.iter().any(|note| note.contains("noise of the reference"));
+    let (reference, gyro) = (notes("noisy_reference", [0.3, 0.03]), notes("noisy_gyro", [0.03, 0.3]));
+    assert!(is_said(&reference) && !is_said(&gyro), "{reference:?} {gyro:?}");
+}
