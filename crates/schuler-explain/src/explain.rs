@@ -362,7 +362,7 @@ fn noise_of_references(model: &Model, recording: &Recording, findings: &[Finding
             together += differs * (reading - differs);
             alone += differs * differs;
         }
-        // That of a sensor's own noise is 0, of the reference's −1.
+        // 0 of a sensor's own noise, 1 of the reference's.
         let part = -together / alone;
         (part > OF_THE_REFERENCE).then(|| {
             format!(

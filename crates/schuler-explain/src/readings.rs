@@ -7,8 +7,8 @@
 //!   that are equal than coincide elsewhere;
 //! - coarse: all readings on a lattice coarser than nominal, and than the noise or than so many readings let pass unseen;
 //! - spikes: n readings that stand off from their neighbours on both sides more than the next does: n P(χ²₂ₙ > 2 Σ (xᵢ − x₍ₙ₊₁₎)),
-//!   x = −ln 2Φ(−u), at the n that shows most. u is the distance from the median of the neighbours, as many of them as make it spread least: few where the output
-//!   wanders, many where its noise is white.
+//!   x = −ln 2Φ(−u), at the n that shows most. u is the distance from the median of the neighbours, as many of them as make it
+//!   spread least: few where the output wanders, many where its noise is white.
 use nalgebra::DVector;
 use rayon::prelude::*;
 use schuler_recording::Recording;
@@ -48,8 +48,8 @@ const MOST_LEVELS: f64 = 1e5;
 pub const OFF_LATTICE: f64 = 1e-3;
 /// Standoff from which on a reading may be a spike, in standard deviations.
 const LEAST_STANDOFF: f64 = 4.5;
-/// Standoff from which on one says no more than another.
-const BEYOND_DOUBT: f64 = 1e3;
+/// Largest standoff that says more than a smaller one.
+const LARGEST_STANDOFF: f64 = 1e3;
 /// Standoff from which on spikes are compared with a reading.
 const LEAST_COMPARED: f64 = 2.5;
 /// Evidence below which readings that stand off are left as they are: one sensor in five thousand shows as much by chance.
@@ -489,7 +489,7 @@ fn most_evidence(standoffs: &mut [(usize, f64)], rows: usize) -> Option<(usize, 
         return None;
     }
     // Beyond doubt one is as good as another: the law of the next must not drown in the largest.
-    let alone = |standoff: f64| -ln_chi_squared_tail(standoff.min(BEYOND_DOUBT).powi(2), 1);
+    let alone = |standoff: f64| -ln_chi_squared_tail(standoff.min(LARGEST_STANDOFF).powi(2), 1);
     let mut sum = 0.0;
     let mut best: Option<(usize, f64)> = None;
     for number in 1..=spikes {

@@ -179,24 +179,26 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
     }
     // The last entered showed least.
     others.extend(left.into_iter().rev().take(affordable.unwrap_or_default()));
+    let item_of = |candidate: usize| {
+        let change = best.changes.iter().position(|change| change.candidate == candidate).map(Item::Change);
+        change.or_else(|| best.terms.iter().position(|term| term.candidate == candidate).map(Item::Term))
+    };
     let searched = |way: Way| {
         let mut budget = if way == terms_first { share } else { rest };
+        let mut least = straight.0;
         let walked = match way {
             Way::Best | Way::TermsFirst | Way::TermsThenAllNoise => from_nothing(way, &visited, &mut budget),
             Way::Without(candidate) => {
-                let (mut less, mut prices) = (best.clone(), prices.clone());
-                if let Some(place) = best.changes.iter().position(|change| change.candidate == candidate) {
-                    less = without(case, best, Item::Change(place)).0;
-                } else if let Some(place) = best.terms.iter().position(|term| term.candidate == candidate) {
-                    less = without(case, best, Item::Term(place)).0;
+                let (item, mut prices) = (item_of(candidate), prices.clone());
+                if let Some(Item::Term(place)) = item {
                     prices.remove(place);
+                    least += WORTH_OTHER_TERMS;
                 }
+                let less = item.map_or_else(|| best.clone(), |item| without(case, best, item).0);
                 from(less, prices, way, &mut budget)
             }
             Way::Parts(block) => from(parts(case, &null, block), Vec::new(), way, &mut budget),
         };
-        let is_without_term = matches!(way, Way::Without(candidate) if best.terms.iter().any(|term| term.candidate == candidate));
-        let least = straight.0 + if is_without_term { WORTH_OTHER_TERMS } else { 0.0 };
         let found = (!walked.joined).then(|| valued(walked.found, &mut budget));
         (found.filter(|(worth, _)| *worth > least), budget.exceeded)
     };
