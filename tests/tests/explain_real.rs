@@ -62,7 +62,8 @@ fn run(command: &mut Command) -> String {
 /// What was calculated without us about one case.
 ///
 /// A value means what it does beside what else is fitted. An estimate may say which `beside` of the case's `optional` effects it
-/// was made, and counts for an explanation that names these of the sensor and its instrument and no others. Given more than once for
+/// was made, and counts for an explanation that names these of the sensor and its instrument and no others; and `without` which sensors'
+/// having that effect, as in a redundant set only differences are seen. Given more than once for
 /// the same names, beside what an explanation may hold and not name (as too little to be told), the nearest counts. What an explanation
 /// shares between a sensor and its instrument is added up by the rules of `also`.
 struct Independent {
@@ -150,6 +151,17 @@ fn of_the_same_structure(independent: &Independent, findings: &[Finding], estima
     })
 }
 
+/// Whether the explanation names the estimate's effect of a sensor of which it was made as if that had none.
+fn is_named_elsewhere(findings: &[Finding], estimate: &Value) -> bool {
+    let without = estimate["without"].as_array();
+    without.into_iter().flatten().any(|sensor| {
+        let is_it = |finding: &Finding| {
+            *sensor == finding.sensor.as_str() && estimate["effect"] == finding.effect.as_str()
+        };
+        findings.iter().any(is_it)
+    })
+}
+
 /// What other findings add to a parameter that an estimate is of, and its variance, in SI.
 fn shared(findings: &[Finding], estimate: &Value) -> (f64, f64) {
     let rules = estimate["also"].as_array().into_iter().flatten();
@@ -182,6 +194,7 @@ fn distance(
                 _ => true,
             })
             && of_the_same_structure(independent, findings, estimate)
+            && !is_named_elsewhere(findings, estimate)
     });
     let distances = same.filter_map(|estimate| {
         let factor = in_si(estimate["unit"].as_str()?)?;

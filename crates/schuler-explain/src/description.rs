@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 
 use crate::catalogue::{Candidate, Column, OnsetShape, Port, Search};
-use crate::inputs::series::{delayed_closely, waves};
+use crate::inputs::series::{Series, delayed_closely, waves};
 use crate::least_squares::{Solution, dot, solve};
 use crate::nominal::Model;
 use crate::whiten::Filter;
@@ -122,11 +122,12 @@ impl Delays {
         if !of_the_motion || column.parts.iter().all(|(sensor, _)| self.of(*sensor) == 0.0) {
             return Cow::Borrowed(column);
         }
-        let late = |(sensor, values): &(usize, Vec<f64>)| {
+        let late = |(sensor, values): &(usize, Series)| {
             let late = delayed_closely(&model.time_s, values, self.of(*sensor));
-            (*sensor, late.into_iter().zip(values).map(|(late, &now)| late.unwrap_or(now)).collect())
+            let values = late.into_iter().zip(&**values).map(|(late, &now)| late.unwrap_or(now));
+            (*sensor, values.collect::<Series>())
         };
-        Cow::Owned(Column { parts: column.parts.iter().map(late).collect() })
+        Cow::Owned(Column::of(column.parts.iter().map(late)))
     }
 
     /// A term as it comes in the readings.
@@ -157,8 +158,9 @@ pub fn sensors_of(candidate: &Candidate) -> Vec<usize> {
 
 /// The columns of a candidate at given values of the parameters in which it is not linear.
 pub(crate) fn columns(candidate: &Candidate, nonlinear: &[f64], time_s: &[f64]) -> Vec<Column> {
-    let shared = |values: Vec<f64>| Column {
-        parts: sensors_of(candidate).into_iter().map(|sensor| (sensor, values.clone())).collect(),
+    let shared = |values: Vec<f64>| {
+        let values = Series::from(values);
+        Column::of(sensors_of(candidate).into_iter().map(|sensor| (sensor, values.clone())))
     };
     let at = nonlinear.first().copied().unwrap_or_default();
     match &candidate.search {

@@ -6,7 +6,9 @@ use thiserror::Error;
 
 use crate::arrays::arrays;
 use crate::budget::Budget;
-use crate::catalogue::{CATALOGUE, Candidate, Port, ReadingFault, Search, Target};
+use crate::catalogue::{
+    CATALOGUE, Candidate, Effect, Port, ReadingFault, Search, Target, share_equal_series,
+};
 use crate::description::{Delays, Term, project, sensors_of};
 use crate::equivalence::{Alternative, alternatives, class, target_name};
 use crate::evidence::CaseArrays;
@@ -149,7 +151,12 @@ fn long_enough(recording: &Recording) -> Result<(), Error> {
 
 /// What the whole catalogue gives in a case.
 fn candidates(inputs: &Inputs<'_>) -> Vec<Candidate> {
-    CATALOGUE.par_iter().flat_map_iter(|effect| (effect.candidates)(effect, inputs)).collect()
+    let of_effect = |effect: &'static Effect| {
+        let mut candidates = (effect.candidates)(effect, inputs);
+        share_equal_series(&mut candidates);
+        candidates
+    };
+    CATALOGUE.par_iter().flat_map_iter(of_effect).collect()
 }
 
 /// The explanation, and what `show` makes of the selection behind it.
@@ -225,8 +232,12 @@ fn explained<S>(
     let mut findings = findings(case, &mut selection, options.level.ln(), &with_all_readings);
     unless_cancelled(watch)?;
     watch.progress(Phase::Judge, 0.0);
-    faults.spikes_beside(&unmasked, &selection.state.terms, &selection.bench.solution.amplitudes);
-    findings.extend(of_readings(recording, case, &selection.family, &faults.found, options.level));
+    let Selection { state, bench, .. } = &selection;
+    faults.spikes_beside(&unmasked, &candidates, &state.terms, &bench.solution.amplitudes);
+    join_readings(
+        &mut findings,
+        of_readings(recording, case, &selection.family, &faults.found, options.level),
+    );
     findings.sort_by(|a, b| b.evidence.gain_nats.total_cmp(&a.evidence.gain_nats));
     let located = locate::locate(case, &selection.null, inputs);
     let (left, remainder) = locate::left(case, &selection.state, inputs);
@@ -290,6 +301,23 @@ fn told_of(case: &Case<'_>, selection: &Selection<'_>, finding: &Finding, sensor
         .filter(|&place| is_it(&terms[place]))
         .map(|place| selection.bench.energy_in(block, place));
     energies.reduce(f64::max).map_or(finding.evidence.gain_nats, |most| most.min(finding.evidence.gain_nats))
+}
+
+/// Adds what readings show of themselves. A limit that the readings equal and that the inputs show as well is one finding: the reading's own
+/// limit is exact, the evidence that of the stronger.
+fn join_readings(findings: &mut Vec<Finding>, of_readings: Vec<Finding>) {
+    for exact in of_readings {
+        let same = |known: &&mut Finding| known.sensor == exact.sensor && known.effect == exact.effect;
+        let Some(known) = findings.iter_mut().find(same) else {
+            findings.push(exact);
+            continue;
+        };
+        let evidence = known.evidence;
+        *known = Finding { noise_shift: std::mem::take(&mut known.noise_shift), ..exact };
+        if evidence.gain_nats > known.evidence.gain_nats {
+            known.evidence = evidence;
+        }
+    }
 }
 
 /// Takes away the findings that say of a sensor what a much stronger term on it, or on its instrument, may leave over

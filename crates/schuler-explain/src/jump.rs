@@ -14,6 +14,7 @@ use schuler_recording::case::Markov;
 
 use crate::catalogue::{Candidate, Column, Port, ReadingFault, Search, Target};
 use crate::description::Term;
+use crate::inputs::series::Series;
 use crate::price::Price;
 use crate::search::Proposal;
 use crate::state::Bench;
@@ -120,9 +121,10 @@ impl Place {
         Term {
             candidate: self.candidate,
             nonlinear: Vec::new(),
-            columns: Arc::new(vec![Column {
-                parts: vec![(self.sensor, on.iter().map(|&on| f64::from(u8::from(on))).collect())],
-            }]),
+            columns: Arc::new(vec![Column::on(
+                self.sensor,
+                on.iter().map(|&on| f64::from(u8::from(on))).collect::<Series>(),
+            )]),
             port: Port::Output,
             unit_amplitude: false,
             of_the_motion: false,
@@ -146,7 +148,7 @@ impl Place {
     fn history(&self, bench: &Bench<'_>) -> Option<Decoded> {
         let block = bench.case.model.blocks.get(self.block)?;
         let whitened = bench.blocks.get(self.block)?.as_ref()?;
-        let unit = Column { parts: vec![(self.sensor, vec![1.0; block.rows()])] };
+        let unit = Column::on(self.sensor, vec![1.0; block.rows()]);
         let decoder = Decoder {
             filter: &whitened.filter,
             remainder: &whitened.remainder,
@@ -189,7 +191,7 @@ fn stays(on: &[bool], state: bool) -> impl Iterator<Item = usize> + '_ {
 /// How long a term stays on and off on average, s: mean and standard deviation, of stays that are distributed exponentially.
 pub fn mean_stays(term: &Term, step_s: f64) -> [(&'static str, f64, f64); RATES] {
     let column = term.columns.first().and_then(|column| column.parts.first());
-    let on: Vec<bool> = column.iter().flat_map(|(_, values)| values).map(|&value| value > 0.5).collect();
+    let on: Vec<bool> = column.iter().flat_map(|(_, values)| &**values).map(|&value| value > 0.5).collect();
     [("on_s", true), ("off_s", false)].map(|(name, state)| {
         let number = (stays(&on, state).count() as f64).max(1.0);
         let mean_s = stays(&on, state).sum::<usize>() as f64 * step_s / number;

@@ -86,10 +86,7 @@ pub fn left(case: &Case<'_>, state: &State, inputs: &Inputs<'_>) -> (bool, Optio
             candidate: usize::MAX,
             nonlinear: Vec::new(),
             columns: Arc::new(
-                spline(condition.values)
-                    .into_iter()
-                    .map(|values| Column { parts: vec![(sensor, values)] })
-                    .collect(),
+                spline(condition.values).into_iter().map(|values| Column::on(sensor, values)).collect(),
             ),
             port: Port::Output,
             unit_amplitude: false,

@@ -301,6 +301,37 @@ impl Noise {
         }
         states
     }
+
+    /// The covariance matrix of the noise over all rows times a series, of one value a row: Σ and not its root, in O(N).
+    ///
+    /// A correlated part is x(k+1) = F x(k) + w(k), seen by h, so that Σ = A Q Aᵀ with Aᵀ one run backwards, μ(k) = Fᵀ μ(k+1) + h v(k), and A
+    /// one forwards, x(k) = F x(k−1) + Q μ(k).
+    pub fn covariance_times(&self, values: &[f64], step_s: f64) -> Vec<f64> {
+        let white = self.white_variance();
+        let mut product: Vec<f64> = values.iter().map(|value| white * value).collect();
+        for group in self.states(step_s).groups {
+            let [[a, b], [c, d]] = group.transition;
+            let [seen, seen_second] = group.seen;
+            let (mut costate, mut costates) = ([0.0; 2], vec![[0.0; 2]; values.len()]);
+            for (kept, value) in costates.iter_mut().zip(values).rev() {
+                let [first, second] = costate;
+                costate =
+                    [a * first + c * second + seen * value, b * first + d * second + seen_second * value];
+                *kept = costate;
+            }
+            let mut state = [0.0; 2];
+            for (row, (sum, costate)) in product.iter_mut().zip(&costates).enumerate() {
+                let driven = if row == 0 { group.start } else { group.driven };
+                let [first, second] = state;
+                state = [
+                    a * first + b * second + driven[0] * costate[0],
+                    c * first + d * second + driven[1] * costate[1],
+                ];
+                *sum += seen * state[0] + seen_second * state[1];
+            }
+        }
+        product
+    }
 }
 
 /// States of one or two that belong together.
@@ -348,5 +379,46 @@ impl States {
     /// Whether there is none.
     pub fn is_empty(&self) -> bool {
         self.groups.is_empty()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use schuler_recording::case::{ExponentialCosine, Markov};
+
+    use super::{Flicker, Noise};
+
+    /// Against the autocovariance of each kind of noise.
+    #[test]
+    fn the_covariance_times_a_series_is_the_sum_over_all_rows() {
+        let step_s = 0.5;
+        let (markov, cosine) =
+            (Markov { sigma: 2.0, tau_s: 3.0 }, ExponentialCosine { sigma: 1.5, alpha: 0.2, beta: 1.1 });
+        let noise = Noise {
+            white: 0.7,
+            markov: vec![markov],
+            exp_cos: vec![cosine],
+            random_walk: 0.3,
+            angle: 0.4,
+            flicker: Flicker { sigma: 0.0, tau_s: [1.0, 2.0] },
+            ..Noise::default()
+        };
+        let covariance = |i: usize, j: usize| {
+            let lag = i.abs_diff(j);
+            let lag_s = lag as f64 * step_s;
+            let white = if lag == 0 { 0.49 } else { 0.0 };
+            let differenced = [2.0 * 0.16, -0.16].get(lag).copied().unwrap_or_default();
+            white
+                + differenced
+                + 4.0 * (-lag_s / 3.0).exp()
+                + 2.25 * (-0.2 * lag_s).exp() * (1.1 * lag_s).cos()
+                + 0.09 * step_s * i.min(j) as f64
+        };
+        let values: Vec<f64> = (0..40).map(|row| f64::from((row * 37 % 11) - 5)).collect();
+        let product = noise.covariance_times(&values, step_s);
+        for (i, product) in product.iter().enumerate() {
+            let sum: f64 = values.iter().enumerate().map(|(j, value)| covariance(i, j) * value).sum();
+            assert!((product - sum).abs() < 1e-9 * (1.0 + sum.abs()), "row {i}: {product} and {sum}");
+        }
     }
 }

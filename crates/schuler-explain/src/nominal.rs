@@ -14,9 +14,12 @@ use nalgebra::{Complex, DMatrix, DVector};
 use schuler_recording::Recording;
 use schuler_recording::case::{MotionKind, SensorKind};
 use schuler_recording::motion::predict;
+use schuler_recording::recording::SensorSeries;
 use schuler_recording::unit::{Dimension, Unit};
 
 use crate::catalogue::{Column, Port};
+use crate::description::{Sums, take_off};
+use crate::inputs::series::Series;
 use crate::noise::Noise;
 use crate::onset_energy::{self, Shapes};
 use crate::whiten::{Filter, Space};
@@ -25,7 +28,8 @@ use crate::whiten::{Filter, Space};
 const LOOP_START: [f64; 2] = [0.1, 1e-4];
 /// A first velocity error of this many of its standard deviations means that the loop starts from there.
 const START_SIGMAS: f64 = 3.0;
-/// Least part of the rows that a sensor of a redundant set must have.
+/// Least part of what another sensor of a redundant set reads that a sensor must have: a row counts where all have read. Steps that are
+/// missing for all are gaps.
 const LEAST_PRESENT: f64 = 0.5;
 /// Fewest rows of a block from which anything can be learnt.
 pub const FEWEST_ROWS: usize = 50;
@@ -138,7 +142,7 @@ impl Model {
         for block in &model.blocks {
             for &sensor in &block.sensors {
                 if recording.sensors[sensor].sensor.relative {
-                    model.constants.push(Column { parts: vec![(sensor, vec![1.0; model.rows])] });
+                    model.constants.push(Column::on(sensor, vec![1.0; model.rows]));
                 }
             }
         }
@@ -253,13 +257,16 @@ impl Model {
     fn add_redundant(&mut self, recording: &Recording, masked: &[Vec<bool>]) {
         for dimension in [Dimension::AngularRate, Dimension::Acceleration, Dimension::Velocity] {
             let mut indices = Vec::new();
+            let present =
+                |series: &SensorSeries| series.values.iter().filter(|value| value.is_finite()).count();
+            let of_dimension = |series: &&SensorSeries| series.sensor.kind.dimension() == dimension;
+            let most = recording.sensors.iter().filter(of_dimension).map(present).max().unwrap_or_default();
             for (index, series) in recording.sensors.iter().enumerate() {
                 let sensor = &series.sensor;
                 if sensor.kind.dimension() != dimension {
                     continue;
                 }
-                let present = series.values.iter().filter(|value| value.is_finite()).count();
-                if (present as f64) < LEAST_PRESENT * recording.len() as f64 {
+                if (present(series) as f64) < LEAST_PRESENT * most as f64 {
                     self.notes.push(format!("{} has too few values to be checked against others", sensor.id));
                 } else if sensor.axis.is_none() && dimension != Dimension::Velocity {
                     self.notes.push(format!("{} has no axis", sensor.id));
@@ -473,10 +480,10 @@ impl Block {
     }
 
     fn projected<'v>(&self, column: &'v Column, port: Port) -> Option<Cow<'v, [f64]>> {
-        let reaches = |(sensor, _): &&(usize, Vec<f64>)| self.sensors.contains(sensor);
+        let reaches = |(sensor, _): &&(usize, Series)| self.sensors.contains(sensor);
         match &self.geometry {
             Geometry::Direct if port != Port::Output => None,
-            Geometry::Direct => column.parts.iter().find(reaches).map(|(_, values)| Cow::from(values)),
+            Geometry::Direct => column.parts.iter().find(reaches).map(|(_, values)| Cow::from(&**values)),
             Geometry::Parity(parity) => {
                 let rows = self.rows();
                 let mut data: Option<Vec<f64>> = None;
@@ -485,7 +492,7 @@ impl Block {
                     let data = data.get_or_insert_with(|| vec![0.0; self.channels * rows]);
                     for channel in 0..self.channels {
                         let weight = parity[(channel, place)];
-                        for (sum, value) in data[channel * rows..].iter_mut().zip(values) {
+                        for (sum, value) in data[channel * rows..].iter_mut().zip(&**values) {
                             *sum += weight * value;
                         }
                     }
@@ -494,6 +501,7 @@ impl Block {
             }
             Geometry::Loop(step) => {
                 let (_, values) = column.parts.iter().find(reaches)?;
+                let values: &[f64] = values;
                 Some(match step.of_port(port) {
                     Some(enters) => Cow::from(step.response(values, enters)),
                     None => Cow::from(values),
@@ -666,6 +674,26 @@ impl Block {
     /// The filter with the given noises of all sources; `None` where they are singular or too many.
     pub fn filter(&self, noises: &[Noise]) -> Option<Filter> {
         self.filter_over(noises, &self.present)
+    }
+
+    /// What the channels tell of the noise of each of its sensors, in every row: E[n | p] = Cov(n, p) R⁻¹ p, with constants that are not known
+    /// taken out of p. What is left of n is uncorrelated with p. `None` where the noises are singular.
+    pub fn noise_told(&self, model: &Model, noises: &[Noise]) -> Option<Vec<Vec<f64>>> {
+        let filter = self.filter(noises)?;
+        let constants: Vec<Cow<'_, [f64]>> =
+            model.constants.iter().filter_map(|column| self.project(column, Port::Output)).collect();
+        let columns: Vec<&[f64]> =
+            std::iter::once(self.data.as_slice()).chain(constants.iter().map(AsRef::as_ref)).collect();
+        let mut whitened = filter.whiten(&columns);
+        let solution = Sums::of_whitened(&filter, &whitened).solution();
+        let mut left = whitened.remove(0);
+        take_off(&mut left, &whitened, solution.amplitudes.iter().copied());
+        let scores = filter.adjoint(&left);
+        let of_sensor = |(&sensor, &source): (&usize, &usize)| {
+            let scores = self.back_project(&scores, sensor, Port::Output)?;
+            Some(noises[source].covariance_times(&scores, self.step_s))
+        };
+        self.sensors.iter().zip(&self.sources).map(of_sensor).collect()
     }
 
     /// The filter over other rows than those present.

@@ -9,6 +9,8 @@
 //! - spikes: n readings that stand off from their neighbours on both sides more than the next does: n P(χ²₂ₙ > 2 Σ (xᵢ − x₍ₙ₊₁₎)),
 //!   x = −ln 2Φ(−u), at the n that shows most. u is the distance from the median of the neighbours, as many of them as make it
 //!   spread least: few where the output wanders, many where its noise is white.
+use std::borrow::Cow;
+
 use nalgebra::DVector;
 use rayon::prelude::*;
 use schuler_recording::Recording;
@@ -16,7 +18,7 @@ use schuler_recording::recording::SensorSeries;
 use statrs::function::erf::erf;
 use statrs::function::gamma::ln_gamma;
 
-use crate::catalogue::ReadingFault;
+use crate::catalogue::{Candidate, Column, Port, ReadingFault, Search};
 use crate::description::{Term, blocks_of, remainder};
 use crate::nominal::{Block, Model};
 use crate::statistics::ln_chi_squared_tail;
@@ -107,8 +109,16 @@ pub struct Faults {
 
 impl Faults {
     /// Takes the spikes back that do not stand off from what `terms` with their amplitudes describe: what an effect moves for one
-    /// reading, as a dead zone that is passed within a step, is none. `model` is that of all readings.
-    pub fn spikes_beside(&mut self, model: &Model, terms: &[Term], amplitudes: &DVector<f64>) {
+    /// reading, as a dead zone that is passed within a step, is none, and where a mean jumps on and off one that is on or off for a
+    /// single reading. `model` is that of all readings.
+    pub fn spikes_beside(
+        &mut self,
+        model: &Model,
+        candidates: &[Candidate],
+        terms: &[Term],
+        amplitudes: &DVector<f64>,
+    ) {
+        let jumps = jumps(model, candidates, terms, amplitudes);
         for index in blocks_of(model, terms) {
             let own = &model.blocks[index].sensors;
             let is_own = |fault: &Fault| fault.fault == ReadingFault::Outliers && own.contains(&fault.sensor);
@@ -119,13 +129,72 @@ impl Faults {
             }
             let mut block = model.blocks[index].clone();
             block.data = remainder(model, index, terms, amplitudes);
-            let left = spikes(model, &block, &self.steps, &self.masked_without_spikes);
+            let mut left = spikes(model, &block, &self.steps, &self.masked_without_spikes);
+            if take_single_stays_off(&mut block, &jumps, &left) {
+                left = spikes(model, &block, &self.steps, &self.masked_without_spikes);
+            }
             self.found.retain(|fault| !is_own(fault));
             self.found.extend(
                 left.into_iter().map(|(fault, _)| fault).filter(|fault| before.contains(&fault.sensor)),
             );
         }
     }
+}
+
+/// What each jump of a mean among `terms` would add to a reading that is on where the term says off, and the other way round: sensor, and
+/// values by rows.
+fn jumps(
+    model: &Model,
+    candidates: &[Candidate],
+    terms: &[Term],
+    amplitudes: &DVector<f64>,
+) -> Vec<(usize, Vec<f64>)> {
+    let mut first = model.constants.len();
+    let mut jumps = Vec::new();
+    for term in terms {
+        let amplitude = amplitudes.get(first).copied().unwrap_or_default();
+        first += term.amplitudes();
+        let is_jump = |candidate: &Candidate| {
+            matches!(candidate.search, Search::Readings(ReadingFault::IntermittentJump))
+        };
+        let parts = term.columns.first().filter(|_| candidates.get(term.candidate).is_some_and(is_jump));
+        if let Some((sensor, on)) = parts.and_then(|column| column.parts.first()) {
+            jumps.push((*sensor, on.iter().map(|on| amplitude * (1.0 - 2.0 * on)).collect()));
+        }
+    }
+    jumps
+}
+
+/// Takes the jumps off the spikes that they describe better than that there was none; whether there is such a one.
+fn take_single_stays_off(
+    block: &mut Block,
+    jumps: &[(usize, Vec<f64>)],
+    spikes: &[(Fault, Vec<usize>)],
+) -> bool {
+    let rows = block.rows();
+    let mut any = false;
+    for (sensor, other) in jumps {
+        let of_sensor = spikes.iter().filter(|(fault, _)| fault.sensor == *sensor);
+        let single: Vec<usize> = of_sensor.flat_map(|(_, rows)| rows.iter().copied()).collect();
+        let mut values = vec![0.0; rows];
+        for &row in &single {
+            values[row] = other[row];
+        }
+        let column = Column::on(*sensor, values);
+        let Some(stays) = block.project(&column, Port::Output).map(Cow::into_owned) else { continue };
+        for row in single {
+            let of = |value: &dyn Fn(usize) -> f64| -> f64 {
+                (0..block.channels).map(|channel| value(channel * rows + row).powi(2)).sum()
+            };
+            let (with, without) = (of(&|at| block.data[at] - stays[at]), of(&|at| block.data[at]));
+            if with < ALONE * ALONE * without {
+                (0..block.channels)
+                    .for_each(|channel| block.data[channel * rows + row] -= stays[channel * rows + row]);
+                any = true;
+            }
+        }
+    }
+    any
 }
 
 /// Faults of all sensors, and the readings spoilt by them.

@@ -180,7 +180,7 @@ impl<'b> Scanner<'b> {
             OnsetShape::Step => vec![1.0; rows],
             OnsetShape::Ramp => (0..rows).map(|row| row as f64).collect(),
         };
-        let course = Column { parts: vec![(sensor, values)] };
+        let course = Column::on(sensor, values);
         let response = self.block.project(&course, port)?;
         Some(self.filter.settled_filter(rows).whiten(&[&response]).swap_remove(0))
     }

@@ -140,7 +140,7 @@ impl<'c> Case<'c> {
         let mut hasher = DefaultHasher::new();
         for (sensor, values) in term.columns.iter().flat_map(|column| &column.parts) {
             sensor.hash(&mut hasher);
-            for value in values {
+            for value in &**values {
                 value.to_bits().hash(&mut hasher);
             }
         }

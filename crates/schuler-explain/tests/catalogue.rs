@@ -331,7 +331,7 @@ fn column(candidate: &Candidate, parameters: &[f64], index: usize, rows: usize) 
             assert!(values.iter().all(|value| value.is_finite()), "{}", candidate.effect.id);
         }
     }
-    signature.columns[index].parts[0].1.clone()
+    signature.columns[index].parts[0].1.to_vec()
 }
 
 fn mean(f: impl Fn(f64) -> f64, scene: &Scene) -> f64 {
@@ -436,6 +436,7 @@ fn signatures_are_the_formulas_in_closed_form() {
         ("bias_pressure", D, &[], &[], Box::new(move |t| 300.0 * (line(t) - line_mean)), 1e-9),
         ("bias_on_aux", G, &[("column", "I")], &[], Box::new(move |t| 0.05 * (line(t) - line_mean)), 1e-9),
         ("dead_zone", G, &[], &[0.1], Box::new(|t| if wx(t).abs() < 0.1 { -wx(t) } else { 0.0 }), 1e-12),
+        ("output_saturated", G, &[], &[0.1], Box::new(|t| wx(t).clamp(-0.1, 0.1) - wx(t)), 1e-12),
         ("scale_factor", G, &[], &[], Box::new(wx), 1e-12),
         ("scale_factor", D, &[], &[], Box::new(|t| 5.0 + (0.4 * t).sin()), 1e-12),
         ("scale_factor_asymmetry", G, &[], &[], Box::new(|t| wx(t).abs()), 1e-12),
@@ -836,7 +837,9 @@ fn an_instrument_has_its_delay_arm_and_mounting_as_one() {
     let parts = &signature(delay, &[0.5]).columns[0].parts;
     assert!(difference(&scene, &parts[0].1, |t| v(t - 0.5) - v(t), 1.0) < 1e-3);
     assert!(difference(&scene, &parts[1].1, |t| e(t - 0.5) - e(t), 1.0) < 1e-3);
-    assert!(at(&inputs, "time_delay", 2, &[]).is_empty(), "a delay is the instrument's");
+    // Where the data tell, one of them may be late alone.
+    let alone = at(&inputs, "time_delay", 2, &[]);
+    assert!(alone.len() == 1 && alone[0].target == Target::Sensor(2));
     assert_eq!(group("lever_arm").len(), 1);
     assert_eq!(group("scale_factor").len(), 1);
     // ε × a for a = x: ε about z moves x towards y: reads ε v_y; about y towards −z.
@@ -881,7 +884,7 @@ fn a_thermometer_at_another_sensor_still_makes_a_gradient() {
         assert_eq!((found.len(), told.len()), (2, 2), "{sensor}");
         // The second about its mean, which is beside it.
         let [plain, about_mean] = [signature(&told[0], &[]), signature(&told[1], &[])];
-        let values = |signature: &Signature, column: usize| signature.columns[column].parts[0].1.clone();
+        let values = |signature: &Signature, column: usize| signature.columns[column].parts[0].1.to_vec();
         let mean = values(&plain, 0).iter().sum::<f64>() / 4001.0;
         assert!((values(&about_mean, 0)[7] - (values(&plain, 0)[7] - mean)).abs() < 1e-9);
         assert_eq!((plain.columns.len(), values(&about_mean, 1)), (1, vec![1.0; 4001]));

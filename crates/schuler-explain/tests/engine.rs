@@ -112,7 +112,7 @@ fn candidate(effect: &'static Effect, sensor: usize, search: Search) -> Candidat
 }
 
 fn signature(sensor: usize, values: Vec<f64>) -> Signature {
-    Signature { columns: vec![Column { parts: vec![(sensor, values)] }] }
+    Signature { columns: vec![Column::on(sensor, values)] }
 }
 
 /// Every kind of candidate on every sensor.
@@ -750,6 +750,56 @@ fn the_noise_of_the_motion_is_not_taken_for_a_lag() {
     assert!(named.len() <= most(TRIALS as usize, 0.01), "{named:?}");
 }
 
+/// The drift of an inertial velocity is in its reading and in the difference from the log. As the input it would be one to which the log
+/// does not answer where the body rests.
+#[test]
+fn the_drift_of_an_inertial_velocity_is_no_motion() {
+    const TRIALS: u64 = 40;
+    const WALK: f64 = 0.02;
+    let named: Vec<String> = (0..TRIALS)
+        .into_par_iter()
+        .flat_map_iter(|seed| {
+            let mut random = Pcg64::seed_from_u64(152_000 + seed);
+            let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+            // Half of the time at rest.
+            let velocity = |row: usize| 4.0 * (row as f64 * 0.004 + seed as f64).sin().max(0.0);
+            let mut drift = 0.0;
+            let mut inertial = |row: usize| {
+                drift += WALK * normal();
+                velocity(row) + drift + 0.005 * normal()
+            };
+            let inertial: Vec<f64> = (0..ROWS).map(&mut inertial).collect();
+            let log: Vec<f64> = (0..ROWS).map(|row| velocity(row) + 0.1 * normal()).collect();
+            let mut recording = recording(vec![log, inertial]);
+            recording.case.motion.kind = MotionKind::Unknown;
+            recording.sensors[0].sensor.nominal = Nominal { white: 0.1, ..Nominal::default() };
+            let inertial = &mut recording.sensors[1].sensor;
+            inertial.kind = SensorKind::InsVelocity;
+            inertial.nominal = Nominal { white: 0.005, random_walk: WALK, ..Nominal::default() };
+            let answer = explain(&recording, &Options { hold_out: false, ..Options::default() }).unwrap();
+            answer.findings.into_iter().map(|finding| finding.effect).collect::<Vec<_>>()
+        })
+        .collect();
+    assert!(named.len() <= most(TRIALS as usize, 0.01), "{named:?}");
+}
+
+/// Steps that are missing for all sensors are gaps, whatever part of the record they are.
+#[test]
+fn redundant_sensors_are_compared_where_they_read() {
+    let values = |seed: u64| -> Vec<f64> {
+        let there = |row: usize| row % 400 < 120;
+        let values = noise(seed, ROWS).into_iter().enumerate();
+        values.map(|(row, e)| if there(row) { e } else { f64::NAN }).collect()
+    };
+    let mut biased = values(91);
+    biased.iter_mut().for_each(|value| *value += 6.0);
+    let mut recording = recording(vec![values(90), biased]);
+    recording.case.motion.kind = MotionKind::Unknown;
+    let answer = explain(&recording, &Options { hold_out: false, ..Options::default() }).unwrap();
+    assert_eq!(answer.findings.len(), 1, "{:?}", answer.findings);
+    assert_eq!(answer.findings[0].effect, "bias_constant");
+}
+
 #[test]
 fn what_a_thermometer_elsewhere_leaves_over_is_no_finding() {
     // The sensor feels the temperature 30 s after the thermometer, which leaves some of its rate over.
@@ -938,6 +988,39 @@ fn the_threshold_of_a_dead_zone_is_found_between_the_points_of_any_grid() {
     (0..8_u64).into_par_iter().for_each(named);
 }
 
+/// A torquer that can no more is clipped before the noise, a converter after it, and a gyro may have both.
+#[test]
+fn a_limit_is_found_before_the_noise_and_after_it() {
+    let rates: Vec<f64> = (0..ROWS).map(|row| 0.01 * (0.003 * row as f64 + 0.3).sin()).collect();
+    let white = 3e-5;
+    let named = |trial: u64| {
+        let limit = 0.0097 + 2e-5 * trial as f64;
+        let (before, after) = (trial % 3 != 1, trial % 3 != 0);
+        let mut random = Pcg64::seed_from_u64(8200 + trial);
+        let clipped = |value: f64, clips: bool| if clips { value.clamp(-limit, limit) } else { value };
+        let mut reading = |&rate: &f64| {
+            let noise: f64 = StandardNormal.sample(&mut random);
+            clipped(clipped(rate, before) + white * noise, after)
+        };
+        let values: Vec<f64> = rates.iter().map(&mut reading).collect();
+        let nominal = Nominal { white, ..Nominal::default() };
+        let kind = (SensorKind::Fog, Unit::RadianPerSecond);
+        let gyro = common::series("gyro", kind, [1.0, 0.0, 0.0], nominal, values);
+        let mut recording = common::recording(MotionKind::Recorded, vec![gyro]);
+        recording.motion.rate = Some([rates.clone(), vec![0.0; ROWS], vec![0.0; ROWS]]);
+        let answer = explain(&recording, &Options { hold_out: false, ..Options::default() }).unwrap();
+        let told: Vec<&str> = answer.findings.iter().map(|finding| finding.effect.as_str()).collect();
+        assert_eq!(told, ["output_saturated"], "trial {trial}");
+        let parameters = &answer.findings[0].parameters;
+        let found = parameters.iter().find(|parameter| parameter.name == "limit").unwrap();
+        // Where readings equal the limit it is exact, and has no deviation.
+        let off = (found.value.unwrap() - limit).abs();
+        assert_eq!(found.sigma.is_none(), after, "trial {trial}");
+        assert!(off < 3.0 * found.sigma.unwrap_or(1e-12), "trial {trial}: {found:?} for {limit}");
+    };
+    (0..12_u64).into_par_iter().for_each(named);
+}
+
 /// What a dead zone swallows of a rate that passes it within a step or two stands off from its neighbours as spikes do.
 #[test]
 fn a_dead_zone_that_is_passed_within_a_step_has_no_spikes() {
@@ -1118,7 +1201,7 @@ fn a_constant_is_not_called_what_holds_it_as_a_part() {
         let values = with(noise(seed, rows), |time| 2.0 + of_wave * wave(time, rows as f64));
         let recording = recording(vec![values]);
         let inputs = Inputs::new(&recording);
-        let columns = [&waved, &ones].map(|values| Column { parts: vec![(0, values.clone())] });
+        let columns = [&waved, &ones].map(|values| Column::on(0, values.clone()));
         let mut warm = candidate(&WARM, 0, Search::Linear(Signature { columns: columns.to_vec() }));
         warm.amplitudes.push(Amplitude { name: "at_mean".to_owned(), ..amplitude() });
         let constant = candidate(&CONSTANT, 0, Search::Linear(signature(0, ones.clone())));

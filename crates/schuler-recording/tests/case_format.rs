@@ -177,6 +177,10 @@ fn the_loop_is_read_and_required_for_velocity_errors() {
     );
     assert_eq!(schuler_loop.accelerometer, Some(Markov { sigma: 1e-3, tau_s: 60.0 }));
     assert_eq!(schuler_loop.gyro, Some(Markov { sigma: 5e-7, tau_s: 1800.0 }));
+    let heated = format!(
+        "{looped}\n[[aux]]\ncolumn = \"T\"\nquantity = \"temperature\"\nunit = \"degC\"\nnear = \"gyro\"\n"
+    );
+    assert!(read(&heated).unwrap().warnings.is_empty(), "a thermometer at the loop's gyro");
     let wrong_sensor = looped.replace("ins_velocity", "gnss_velocity");
     assert!(problem(&wrong_sensor).contains("motion.kind"), "{}", problem(&wrong_sensor));
 }

@@ -3,6 +3,7 @@ use schuler_recording::case::SensorKind;
 use schuler_recording::unit::{Dimension, STANDARD_GRAVITY, Unit};
 
 use super::{Amplitude, Candidate, Column, Effect, Nonlinear, Port, Search, Signature, Target};
+use crate::inputs::series::Series;
 use crate::inputs::{Inputs, Place};
 
 /// How much larger the errors of micromechanical sensors can be.
@@ -124,13 +125,13 @@ impl Draft {
     }
 
     /// One column at one place.
-    pub(super) fn linear(place: &Place, values: Vec<f64>, amplitude: Amplitude) -> Self {
+    pub(super) fn linear(place: &Place, values: impl Into<Series>, amplitude: Amplitude) -> Self {
         Self::new(Search::Linear(Signature { columns: vec![at(place, values)] }), vec![amplitude])
     }
 
     /// Another reference than the one taken adds a multiple of what multiplies the quantity, `factor`: where the
     /// reference is not known, that multiple is an amplitude of its own, so that it is not taken for another effect.
-    pub(super) fn with_free_reference(mut self, place: &Place, factor: Vec<f64>) -> Self {
+    pub(super) fn with_free_reference(mut self, place: &Place, factor: impl Into<Series>) -> Self {
         let shift = at(place, factor);
         self.search = match self.search {
             Search::Linear(mut signature) => {
@@ -174,7 +175,7 @@ impl Draft {
         let sensor = place.sensor;
         let signature = move |parameters: &[f64]| {
             let values = parameters.first().map_or_else(Vec::new, |&parameter| values(parameter));
-            Signature { columns: vec![Column { parts: vec![(sensor, values)] }] }
+            Signature { columns: vec![Column::on(sensor, values)] }
         };
         let search = Search::Grid {
             parameters: vec![parameter],
@@ -198,8 +199,8 @@ impl Draft {
 }
 
 /// A column at one place.
-fn at(place: &Place, values: Vec<f64>) -> Column {
-    Column { parts: vec![(place.sensor, values)] }
+fn at(place: &Place, values: impl Into<Series>) -> Column {
+    Column::on(place.sensor, values)
 }
 
 /// The candidates at every place on whose kind the effect acts.
@@ -268,7 +269,11 @@ pub(super) fn instruments<'i>(
 /// Columns that the motion shows, with their amplitudes; the others are left out.
 pub(super) fn seen(columns: Vec<(Column, Amplitude)>) -> (Signature, Vec<Amplitude>) {
     let size = |column: &Column| {
-        column.parts.iter().flat_map(|(_, values)| values).fold(0.0_f64, |most, value| most.max(value.abs()))
+        column
+            .parts
+            .iter()
+            .flat_map(|(_, values)| &**values)
+            .fold(0.0_f64, |most, value| most.max(value.abs()))
     };
     let largest = columns.iter().map(|(column, _)| size(column)).fold(0.0, f64::max);
     let (columns, amplitudes) =

@@ -8,6 +8,7 @@
 use schuler_recording::case::SensorKind;
 
 use crate::inputs::Inputs;
+use crate::inputs::series::Series;
 
 /// A row of the catalogue.
 #[derive(Clone, Copy, Debug)]
@@ -164,6 +165,22 @@ pub enum ReadingFault {
     IntermittentJump,
 }
 
+/// Lets the linear signatures of an effect's candidates share the series that are equal: what goes with a temperature or the time is
+/// the same on every sensor, and of a long record a series is much memory.
+pub fn share_equal_series(candidates: &mut [Candidate]) {
+    let mut distinct: Vec<Series> = Vec::new();
+    let signatures = candidates.iter_mut().filter_map(|candidate| match &mut candidate.search {
+        Search::Linear(signature) => Some(signature),
+        _ => None,
+    });
+    for (_, values) in signatures.flat_map(|it| &mut it.columns).flat_map(|column| &mut column.parts) {
+        match distinct.iter().find(|known| ***known == **values) {
+            Some(known) => *values = known.clone(),
+            None => distinct.push(values.clone()),
+        }
+    }
+}
+
 /// What an effect adds to the readings of the sensors it acts on, one column for each amplitude.
 #[derive(Clone, Debug, Default)]
 pub struct Signature {
@@ -175,5 +192,17 @@ pub struct Signature {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Column {
     /// Sensor, by its place in the recording, and values.
-    pub parts: Vec<(usize, Vec<f64>)>,
+    pub parts: Vec<(usize, Series)>,
+}
+
+impl Column {
+    /// One that acts on one sensor.
+    pub fn on(sensor: usize, values: impl Into<Series>) -> Self {
+        Self { parts: vec![(sensor, values.into())] }
+    }
+
+    /// One that acts on several.
+    pub fn of<V: Into<Series>>(parts: impl IntoIterator<Item = (usize, V)>) -> Self {
+        Self { parts: parts.into_iter().map(|(sensor, values)| (sensor, values.into())).collect() }
+    }
 }

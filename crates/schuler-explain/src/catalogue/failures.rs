@@ -1,5 +1,6 @@
 //! What readings show of a failure without a model of the sensor.
 use super::draft::{Draft, ITSELF, Plausible, any, at_each_place, coefficient};
+use super::input::clipped_inputs;
 use super::{Candidate, Effect, Port, ReadingFault, Search};
 use crate::inputs::Inputs;
 
@@ -31,15 +32,22 @@ failure!(
     "turn the sensor: a stuck output does not answer",
     ReadingFault::Stuck
 );
-failure!(
-    OUTPUT_SATURATED,
-    "output_saturated",
-    "clipped at ±limit",
-    "is clipped at a limit",
-    "inputs beyond the limit",
-    "the same motion with less amplitude",
-    ReadingFault::Saturated
-);
+pub(super) const OUTPUT_SATURATED: Effect = Effect {
+    id: "output_saturated",
+    formula: "clipped at ±limit",
+    sentence: "is clipped at a limit",
+    needs: "inputs beyond the limit",
+    separated_by: "the same motion with less amplitude",
+    source: SOURCE,
+    acts_on: any,
+    // A converter's limit shows in the readings that equal it. What is clipped before the noise comes to it, as by a torquer that
+    // can no more, shows beside a known input only.
+    candidates: |effect, inputs| {
+        let mut candidates = readings(effect, inputs, ReadingFault::Saturated);
+        candidates.extend(clipped_inputs(effect, inputs));
+        candidates
+    },
+};
 failure!(
     QUANTISATION,
     "quantisation",

@@ -38,7 +38,7 @@ pub(super) const GRAVITY_ANOMALY: Effect = Effect {
                 .collect();
             let shown = parts.iter().any(|(_, values)| values.iter().any(|part| part.abs() > LEAST_VERTICAL));
             if shown {
-                let signature = Signature { columns: vec![Column { parts }] };
+                let signature = Signature { columns: vec![Column::of(parts)] };
                 let draft = Draft::new(
                     Search::Linear(signature),
                     vec![number("coefficient", "mGal", 1e5, Some([10.0, 200.0]))],

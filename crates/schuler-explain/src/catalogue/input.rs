@@ -19,6 +19,12 @@ const DEAD_ZONE_BEYOND: f64 = 1.001;
 /// off them silence what passes, or pass what is silent.
 const DEAD_ZONE_PARTS: usize = 40;
 
+/// A limit is passed by so many readings at least, and by that part of them at most; and how many limits are tried for each tenfold
+/// of the readings that pass.
+const FEWEST_PASSED: f64 = 3.0;
+const CLIPPED_PART: f64 = 0.9;
+const LIMITS_PER_DECADE: f64 = 6.0;
+
 const IEEE_1293: &str =
     "IEEE Std 1293 (model equation of accelerometers), IEEE Std 836 (centrifuge), IEEE Std 1559 (systems)";
 
@@ -33,7 +39,7 @@ pub(super) const SCALE_FACTOR: Effect = Effect {
     candidates: |effect, inputs| {
         let mut candidates = at_each_place(effect, inputs, |place| {
             (varying(place).into_iter())
-                .map(|input| Draft::linear(place, input.to_vec(), ppm(place, [10.0, 200.0])))
+                .map(|input| Draft::linear(place, input.clone(), ppm(place, [10.0, 200.0])))
                 .collect()
         });
         // One factor for all sensors of an instrument that measure the same: of a clock, of the speed of sound.
@@ -43,9 +49,8 @@ pub(super) const SCALE_FACTOR: Effect = Effect {
                 let places: Vec<&&Place> =
                     instrument.places.iter().filter(|place| place.dimension() == dimension).collect();
                 let [first, _, ..] = places.as_slice() else { continue };
-                let parts =
-                    (places.iter()).filter_map(|place| Some((place.sensor, place.input.as_ref()?.to_vec())));
-                let column = Column { parts: parts.collect() };
+                let parts = places.iter().filter_map(|place| Some((place.sensor, place.input.clone()?)));
+                let column = Column::of(parts);
                 let sensors = places.iter().map(|place| place.sensor).collect();
                 let target = Target::Group { name: name.clone(), sensors };
                 let search = Search::Linear(Signature { columns: vec![column] });
@@ -181,22 +186,54 @@ pub(super) const DEAD_ZONE: Effect = Effect {
             if grid.len() < 2 {
                 return Vec::new();
             }
-            let sensor = place.sensor;
-            let signature = move |parameters: &[f64]| {
-                let threshold = parameters.first().copied().unwrap_or_default();
-                let values = map(&input, |u| if u.abs() < threshold { -u } else { 0.0 });
-                Signature { columns: vec![Column { parts: vec![(sensor, values)] }] }
-            };
-            let parameter = Nonlinear { name: "threshold", unit: place.dimension().si_unit().name(), grid };
-            let search = Search::Grid {
-                parameters: vec![parameter],
-                signature: Box::new(signature),
-                unit_amplitude: true,
-            };
-            vec![Draft::new(search, vec![number("part", "1", 1.0, None)])]
+            let silent = move |threshold| map(&input, |u| if u.abs() < threshold { -u } else { 0.0 });
+            vec![of_threshold(place, "threshold", grid, silent)]
         })
     },
 };
+
+/// An input that is clipped at a limit on either side, at every place where it is known.
+pub(super) fn clipped_inputs(effect: &'static Effect, inputs: &Inputs<'_>) -> Vec<super::Candidate> {
+    at_each_place(effect, inputs, |place| {
+        let Some(input) = varying(place).cloned() else { return Vec::new() };
+        let grid = limits(&input);
+        if grid.len() < 2 {
+            return Vec::new();
+        }
+        vec![of_threshold(place, "limit", grid, move |limit| map(&input, |u| u.clamp(-limit, limit) - u))]
+    })
+}
+
+/// A term without an amplitude whose one parameter is a value of the input.
+fn of_threshold(
+    place: &Place,
+    name: &'static str,
+    grid: Vec<f64>,
+    values: impl Fn(f64) -> Vec<f64> + Send + Sync + 'static,
+) -> Draft {
+    let sensor = place.sensor;
+    let signature = move |parameters: &[f64]| {
+        let threshold = parameters.first().copied().unwrap_or_default();
+        Signature { columns: vec![Column::on(sensor, values(threshold.max(0.0)))] }
+    };
+    let parameter = Nonlinear { name, unit: place.dimension().si_unit().name(), grid };
+    let search =
+        Search::Grid { parameters: vec![parameter], signature: Box::new(signature), unit_amplitude: true };
+    Draft::new(search, vec![number("part", "1", 1.0, None)])
+}
+
+/// The limits of an input that are tried: each is passed by more readings than the next, by a few first and by most at last.
+fn limits(input: &[f64]) -> Vec<f64> {
+    let mut magnitudes = map(input, f64::abs);
+    magnitudes.retain(|magnitude| magnitude.is_finite());
+    magnitudes.sort_by(f64::total_cmp);
+    let number = magnitudes.len();
+    let passed = logarithmic(FEWEST_PASSED, CLIPPED_PART * number as f64, LIMITS_PER_DECADE);
+    let limit = |passed: &f64| magnitudes.get(number.saturating_sub(1 + *passed as usize)).copied();
+    let mut grid: Vec<f64> = passed.iter().rev().filter_map(limit).filter(|&limit| limit > 0.0).collect();
+    grid.dedup_by(|next, last| *next <= 1.0005 * *last);
+    grid
+}
 
 /// The thresholds of a dead zone that are tried: even in their logarithm, and even in the readings between them.
 fn thresholds(input: &[f64]) -> Vec<f64> {
@@ -270,7 +307,7 @@ fn mounting(
             Some((place.sensor, inputs.input_along(place, &about.cross(&place.axes.input))?))
         });
         let plausible = Some([5.0, if first.micromechanical { 6e4 } else { 3600.0 }]);
-        (Column { parts: parts.collect() }, number(name, "arcsec", RADIAN_IN_ARCSECONDS, plausible))
+        (Column::of(parts), number(name, "arcsec", RADIAN_IN_ARCSECONDS, plausible))
     });
     let shown = |column: &Column| column.parts.iter().any(|(_, values)| varies(values));
     if !columns.iter().any(|(column, _)| shown(column)) {

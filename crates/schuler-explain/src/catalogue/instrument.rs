@@ -58,7 +58,7 @@ pub(super) const TIME_DELAY: Effect = Effect {
                 .map(|((late, &time), now)| late.unwrap_or_else(|| beyond(time)) - now)
                 .collect()
         };
-        let mut found = whole(effect, inputs, delay, signature);
+        let mut found = whole_and_alone(effect, inputs, delay, signature);
         found.extend(inputs.places.iter().filter_map(|place| {
             let input = reference_in_loop(inputs, place)?;
             let of_loop = Place { input: Some(input), ..place.clone() };
@@ -106,18 +106,7 @@ pub(super) const BANDWIDTH_LAG: Effect = Effect {
         let signature = |time_s: &[f64], input: &[f64], tau_s: f64| -> Vec<f64> {
             lagged_smooth(time_s, input, tau_s).iter().zip(input).map(|(lagged, now)| lagged - now).collect()
         };
-        let mut candidates = whole(effect, inputs, parameter, signature);
-        // A sensor of a group can also have a lag of its own.
-        for instrument in instruments(effect, inputs, |place| varying(place).is_some()) {
-            if instrument.places.len() < 2 {
-                continue;
-            }
-            for place in &instrument.places {
-                let alone = Instrument { target: Target::Sensor(place.sensor), places: vec![place] };
-                candidates.extend(shared(effect, inputs, &alone, parameter(place), signature));
-            }
-        }
-        candidates
+        whole_and_alone(effect, inputs, parameter, signature)
     },
 };
 
@@ -155,7 +144,7 @@ pub(super) const LEVER_ARM: Effect = Effect {
             let arms = [("arm_x_m", Vector3::x()), ("arm_y_m", Vector3::y()), ("arm_z_m", Vector3::z())];
             let columns = arms.map(|(name, arm)| {
                 let parts = instrument.places.iter().map(|place| (place.sensor, displacement(place, &arm)));
-                (Column { parts: parts.collect() }, number(name, "m", 1.0, Some([0.01, 20.0])))
+                (Column::of(parts), number(name, "m", 1.0, Some([0.01, 20.0])))
             });
             let moves =
                 columns.iter().any(|(column, _)| column.parts.iter().any(|(_, values)| varies(values)));
@@ -201,7 +190,7 @@ pub(super) const EARTH_RATE_ATTITUDE: Effect = Effect {
                 let shown = instrument.places.iter().filter(|place| !place.relative).count() > 2;
                 if turns || shown {
                     let amplitude = number(name, "deg", 180.0 / std::f64::consts::PI, Some([0.01, 1.0]));
-                    let signature = Signature { columns: vec![Column { parts }] };
+                    let signature = Signature { columns: vec![Column::of(parts)] };
                     let draft = Draft::new(Search::Linear(signature), vec![amplitude]);
                     let target = instrument.target.clone();
                     candidates.push(draft.with("angle", name.trim_end_matches("_deg")).of(
@@ -233,14 +222,21 @@ fn searched(inputs: &Inputs<'_>, place: &Place, most: f64) -> Vec<f64> {
     searched
 }
 
-/// The candidates of every instrument for a signature of its sensors' own inputs with one parameter and no amplitude.
-fn whole(
+/// The candidates of every instrument for a signature of its sensors' own inputs with one parameter and no amplitude, and those of each
+/// sensor of a group, which can have a lag or a delay of its own.
+fn whole_and_alone(
     effect: &'static Effect,
     inputs: &Inputs<'_>,
     parameter: impl Fn(&Place) -> Nonlinear,
     signature: impl Fn(&[f64], &[f64], f64) -> Vec<f64> + Copy + Send + Sync + 'static,
 ) -> Vec<Candidate> {
-    (instruments(effect, inputs, |place| varying(place).is_some()).iter())
+    let instruments = instruments(effect, inputs, |place| varying(place).is_some());
+    let several = instruments.iter().filter(|instrument| instrument.places.len() > 1);
+    let alone = several
+        .flat_map(|instrument| &instrument.places)
+        .map(|&place| Instrument { target: Target::Sensor(place.sensor), places: vec![place] });
+    let alone: Vec<Instrument<'_>> = alone.collect();
+    (instruments.iter().chain(&alone))
         .filter_map(|instrument| {
             let parameter = parameter(instrument.places.first()?);
             shared(effect, inputs, instrument, parameter, signature)
@@ -262,7 +258,7 @@ fn shared(
     let of = move |parameters: &[f64]| {
         let value = parameters.first().copied().unwrap_or_default();
         let parts = series.iter().map(|(sensor, input)| (*sensor, signature(&time_s, input, value)));
-        Signature { columns: vec![Column { parts: parts.collect() }] }
+        Signature { columns: vec![Column::of(parts)] }
     };
     let search = Search::Grid { parameters: vec![parameter], signature: Box::new(of), unit_amplitude: true };
     let draft = Draft::new(search, vec![number("part", "1", 1.0, None)]);

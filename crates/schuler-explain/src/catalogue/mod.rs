@@ -28,11 +28,12 @@ mod tide;
 
 pub use effect::{
     Amplitude, Candidate, Column, Effect, NoiseChange, Nonlinear, OnsetShape, Port, ReadingFault, Search,
-    Signature, SignatureOf, Target,
+    Signature, SignatureOf, Target, share_equal_series,
 };
 
 /// Effects whose signatures are of the motion: what an instrument's readings make of it comes as late as the readings.
 const OF_THE_MOTION: &[&str] = &[
+    failures::OUTPUT_SATURATED.id,
     input::DEAD_ZONE.id,
     input::SCALE_FACTOR.id,
     input::SCALE_FACTOR_ASYMMETRY.id,

@@ -126,8 +126,10 @@ impl BodyMotion {
     }
 
     fn of_sensors(recording: &Recording, time_s: &[f64]) -> Self {
+        let told = redundant::noise_told(recording);
         let estimate = |dimension| {
-            redundant::estimate(recording, time_s, dimension).and_then(|columns| fill(time_s, &columns))
+            let columns = redundant::estimate(recording, time_s, dimension, &told)?;
+            fill(time_s, &columns)
         };
         Self {
             rate: estimate(Dimension::AngularRate),

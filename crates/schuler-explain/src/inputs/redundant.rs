@@ -4,6 +4,10 @@
 //! every sensor's axis is still that of the least-squares fit. For a Doppler log beside an inertial system, which
 //! measure one quantity, it is their weighted mean.
 //!
+//! What the residuals tell of the sensors' noise is taken out of it ([`Block::noise_told`]). What is left of the noise is then uncorrelated
+//! with the residuals, as that of weighted least squares is where all noise is white. With it the drift of an inertial velocity, which is
+//! in the residual as well, would be an input that the log beside it does not answer to: a dead zone, a scale factor.
+//!
 //! The estimate is then smoothed: its white noise is the sensors' own, which is in their difference as well, so that a
 //! lag or a delay of the noise would be found where there is none. What changes from row to row more than the noise does
 //! stays.
@@ -16,12 +20,37 @@ use schuler_recording::unit::Dimension;
 
 use super::series::range;
 use super::smoother::{Measurement, process_noise, smooth};
+use crate::nominal::{Block, Model};
+use crate::readings::faults;
 
 /// Singular values below this part of the largest are 0.
 const RANK_TOLERANCE: f64 = 1e-6;
 
-/// Motion of the given dimension in body axes, SI units; NaN where no sensor has a reading. None without sensors.
-pub fn estimate(recording: &Recording, time_s: &[f64], dimension: Dimension) -> Option<[Vec<f64>; 3]> {
+/// What the residuals tell of the sensors' noise under the nominal model, SI: sensor, and a value a row. Of sensors that nothing checks there is
+/// nothing.
+pub fn noise_told(recording: &Recording) -> Vec<(usize, Vec<f64>)> {
+    let Ok(model) = Model::new(recording, &[]) else { return Vec::new() };
+    let Ok(model) = Model::new(recording, &faults(recording, &model).masked) else { return Vec::new() };
+    let noises = model.nominal_noises();
+    let of_block = |block: &Block| -> Vec<(usize, Vec<f64>)> {
+        let told = block.noise_told(&model, &noises).unwrap_or_default();
+        block.sensors.iter().copied().zip(told).collect()
+    };
+    model.blocks.iter().flat_map(of_block).collect()
+}
+
+/// Motion of the given dimension in body axes, SI units; NaN where no sensor has a reading. None without sensors. `told` is what is known of
+/// the sensors' noise.
+pub fn estimate(
+    recording: &Recording,
+    time_s: &[f64],
+    dimension: Dimension,
+    told: &[(usize, Vec<f64>)],
+) -> Option<[Vec<f64>; 3]> {
+    let told: Vec<Option<&[f64]>> = (recording.sensors.iter().enumerate())
+        .filter(|(_, series)| series.sensor.kind.dimension() == dimension)
+        .map(|(index, _)| told.iter().find(|known| known.0 == index).map(|(_, noise)| noise.as_slice()))
+        .collect();
     let sensors: Vec<_> =
         recording.sensors.iter().filter(|series| series.sensor.kind.dimension() == dimension).collect();
     if sensors.is_empty() {
@@ -49,7 +78,8 @@ pub fn estimate(recording: &Recording, time_s: &[f64], dimension: Dimension) -> 
         let mut variance = Vector3::zeros();
         if let Some(solution) = solutions.get(&present) {
             for (index, series) in sensors.iter().enumerate().filter(|&(index, _)| present[index]) {
-                sum += solution.column(index) * (series.values[row] - series.sensor.nominal.bias);
+                let noise = told[index].map_or(0.0, |noise| noise[row]);
+                sum += solution.column(index) * (series.values[row] - series.sensor.nominal.bias - noise);
                 variance += solution.column(index).map(|weight| weight * weight * white[index]);
             }
         }

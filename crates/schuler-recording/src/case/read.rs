@@ -66,6 +66,9 @@ fn case(node: &Node<'_>) -> Option<Case> {
     agrees_with_itself(node, case)
 }
 
+/// What of a Schuler loop an answer names, and an auxiliary quantity may be near to.
+const PARTS_OF_THE_LOOP: &[&str] = &["velocity", "accelerometer", "gyro"];
+
 /// What no single field can show.
 fn agrees_with_itself(node: &Node<'_>, case: Case) -> Option<Case> {
     if case.sensors.is_empty() {
@@ -82,6 +85,11 @@ fn agrees_with_itself(node: &Node<'_>, case: Case) -> Option<Case> {
         .iter()
         .flat_map(|sensor| [Some(sensor.id.as_str()), sensor.group.as_deref()])
         .flatten()
+        .chain(
+            if case.motion.kind == MotionKind::VelocityError { PARTS_OF_THE_LOOP } else { &[] }
+                .iter()
+                .copied(),
+        )
         .collect();
     for (index, auxiliary) in case.auxiliaries.iter().enumerate() {
         let Some(near) = auxiliary.near.as_deref().filter(|near| !places.contains(near)) else { continue };
