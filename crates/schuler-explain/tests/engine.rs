@@ -792,7 +792,9 @@ fn redundant_sensors_are_compared_where_they_read() {
         values.map(|(row, e)| if there(row) { e } else { f64::NAN }).collect()
     };
     let mut biased = values(91);
-    biased.iter_mut().for_each(|value| *value += 6.0);
+    for value in &mut biased {
+        *value += 6.0;
+    }
     let mut recording = recording(vec![values(90), biased]);
     recording.case.motion.kind = MotionKind::Unknown;
     let answer = explain(&recording, &Options { hold_out: false, ..Options::default() }).unwrap();
@@ -995,7 +997,7 @@ fn a_limit_is_found_before_the_noise_and_after_it() {
     let white = 3e-5;
     let named = |trial: u64| {
         let limit = 0.0097 + 2e-5 * trial as f64;
-        let (before, after) = (trial % 3 != 1, trial % 3 != 0);
+        let (before, after) = (trial % 3 != 1, !trial.is_multiple_of(3));
         let mut random = Pcg64::seed_from_u64(8200 + trial);
         let clipped = |value: f64, clips: bool| if clips { value.clamp(-limit, limit) } else { value };
         let mut reading = |&rate: &f64| {
