@@ -3,7 +3,7 @@
 Only differences between units are seen: what all have in common is not. An estimate against the mean of eight is therefore
 uncertain by what the mean itself may be off, the spread over the units divided by sqrt(8): that is in its sigma.
 An explanation says as much in another way: it gives nothing to some axis along each of the board's, and the others what they
-have beside it. Constants are therefore given once more for every axis that may be the one with nothing (`without`).
+have beside it. Constants are therefore those beside each axis that may be the one with nothing (`without`).
 Poses (before the fast motion): y_i - mean_i = b + M w + G f + D dw/dt, w and f the means of the units, noise an
 autoregression. Whole: the same would say nothing more; the counts are at their limits, which the counts themselves show.
 """
@@ -69,7 +69,6 @@ def examine(report, experiment, table, units):
             value, sigma = coefficients[unit, axis], np.hypot(sigmas[unit, axis], common[axis])
             likely = 0.5 * (value / sigmas[unit, axis]) ** 2
             # The reading is along the turned axis: its bias has the other sign, its scale factor the same.
-            report.estimate(poses, name, "bias_constant", "coefficient", sign * value[0], sigma[0], "deg/s", likely[0])
             for which in range(2):
                 for other in set(range(units)) - {unit}:
                     report.estimate(

@@ -24,7 +24,7 @@ use serde_json::Value;
 const LARGEST_DISTANCE: f64 = 3.0;
 
 /// Recordings of which every name is borne out, every value that can be compared agrees, and nothing is missing.
-const AGREED: [&str; 10] = [
+const AGREED: [&str; 12] = [
     "quartz_gravimeter/segment_62h",
     "mems_hot_cold/cold",
     "mems_static/run1",
@@ -35,6 +35,8 @@ const AGREED: [&str; 10] = [
     "auv_doppler_ins/leg02",
     "auv_doppler_ins/leg03",
     "auv_doppler_ins/leg06",
+    "gyro_array/exp1_poses_3_units",
+    "gyro_array/exp3_poses_3_units",
 ];
 
 fn project() -> PathBuf {
@@ -339,13 +341,16 @@ fn a_static_unit() {
 }
 
 #[test]
+#[ignore = "takes some minutes, and ends at the budget of work"]
+fn three_units_of_a_gyro_array() {
+    check("gyro_array", has_agreed);
+}
+
+#[test]
 #[ignore = "explanation and calculation still differ"]
 fn what_still_differs() {
-    let scripts = ["gravimeter", "thermal", "poses", "doppler", "motion", "gyro_array"];
-    // The smallest case of the gyro array ends at the budget of work after minutes; the larger ones were not tried.
-    let differs = |case: &str| {
-        !has_agreed(case) && (!case.starts_with("gyro_array") || case == "gyro_array/exp1_poses_3_units")
-    };
-    let checks = scripts.map(|script| std::panic::catch_unwind(|| check(script, differs)));
+    // Of the gyro array in fast motion, and of all its units, nothing but the clipping was calculated.
+    let scripts = ["gravimeter", "thermal", "poses", "doppler", "motion"];
+    let checks = scripts.map(|script| std::panic::catch_unwind(|| check(script, |case| !has_agreed(case))));
     assert!(checks.iter().all(Result::is_ok), "see above");
 }

@@ -297,6 +297,8 @@ fn prefer_instrument(case: &Case<'_>, found: &mut [Alternative]) {
             }
     };
     if let Some(place) = found.iter().position(of_one_effect) {
+        // What leads instead of one that shows more goes on to do so.
+        found[place].simpler |= found[0].simpler;
         found[..=place].rotate_right(1);
     } else if let Some(place) = found.iter().position(is_late) {
         lead_as_simpler(found, place);

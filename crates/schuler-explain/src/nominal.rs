@@ -473,6 +473,11 @@ impl Block {
         Some(values)
     }
 
+    /// Whether its one channel is what a sensor reads less what it should.
+    pub fn is_of_one_sensor(&self) -> bool {
+        matches!(self.geometry, Geometry::Direct)
+    }
+
     /// Whether a column at a port reaches the channels.
     pub fn is_reached(&self, column: &Column, port: Port) -> bool {
         let possible = port == Port::Output || !matches!(self.geometry, Geometry::Direct);

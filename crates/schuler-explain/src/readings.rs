@@ -44,8 +44,10 @@ const COARSER: f64 = 1.5;
 /// Fewest different readings that show a lattice: two lie on one anyhow, and show it if they come again so often.
 const FEWEST_OF_LATTICE: usize = 3;
 const FEWEST_CROSSINGS: usize = 20;
-/// Most levels from the least to the largest reading: with more, the digits of a table are a lattice.
+/// Most levels from the least to the largest reading: with more, the digits of a table are a lattice, unless readings come to a level so
+/// often.
 const MOST_LEVELS: f64 = 1e5;
+const VISITS: usize = 4;
 /// Largest number of steps between readings off a lattice, as a part of the step.
 pub const OFF_LATTICE: f64 = 1e-3;
 /// Standoff from which on a reading may be a spike, in standard deviations.
@@ -199,8 +201,11 @@ fn take_single_stays_off(
 
 /// Faults of all sensors, and the readings spoilt by them.
 pub fn faults(recording: &Recording, model: &Model) -> Faults {
-    let of_sensors: Vec<(Vec<Fault>, Vec<bool>)> =
-        (recording.sensors.par_iter().enumerate()).map(|(index, series)| of_itself(index, series)).collect();
+    let of_sensors: Vec<(Vec<Fault>, Vec<bool>)> = (recording.sensors.par_iter().enumerate())
+        .map(|(index, series)| {
+            of_itself(index, series, model.block_of(index).map(|block| &model.blocks[block]))
+        })
+        .collect();
     let (found, mut masked): (Vec<Vec<Fault>>, Vec<Vec<bool>>) = of_sensors.into_iter().unzip();
     let mut found: Vec<Fault> = found.into_iter().flatten().collect();
     let mut steps = vec![0.0; recording.sensors.len()];
@@ -222,8 +227,8 @@ pub fn faults(recording: &Recording, model: &Model) -> Faults {
     Faults { found, masked, masked_without_spikes, steps }
 }
 
-/// What the readings of a sensor show alone, and the rows spoilt by it.
-fn of_itself(index: usize, series: &SensorSeries) -> (Vec<Fault>, Vec<bool>) {
+/// What the readings of a sensor show alone, and the rows spoilt by it. `block` is the one that the sensor is in.
+fn of_itself(index: usize, series: &SensorSeries, block: Option<&Block>) -> (Vec<Fault>, Vec<bool>) {
     let mut mask = vec![false; series.values.len()];
     let sensor = &series.sensor;
     let moves = sensor.nominal.white > 2.0 * sensor.quantisation;
@@ -232,6 +237,15 @@ fn of_itself(index: usize, series: &SensorSeries) -> (Vec<Fault>, Vec<bool>) {
     // Clipped first: a stay at the limit is no stuck output.
     let dwells = coarse_step > sensor.nominal.white;
     let clipped = clipped(index, &series.values, dwells, &mut mask);
+    let clipped = clipped.filter(|fault| {
+        let residuals = block.filter(|block| dwells && block.is_of_one_sensor() && !sensor.relative);
+        let is_beyond =
+            residuals.is_none_or(|block| goes_beyond(fault, &series.values, &block.data, coarse_step));
+        if !is_beyond {
+            mask.fill(false);
+        }
+        is_beyond
+    });
     let repeats = Repeats { moves, at_rest: same_at_rest(coarse_step, sensor.nominal.white) };
     let stuck = stuck(index, &series.values, repeats, &mut mask);
     let coarse = lattice.and_then(|lattice| {
@@ -384,6 +398,17 @@ fn clipped(sensor: usize, values: &[f64], dwells: bool, mask: &mut [bool]) -> Op
     Some(Fault { sensor, fault: ReadingFault::Saturated, evidence, rows, parameters })
 }
 
+/// Whether the output would go beyond the limit at which it is said to be clipped: of a coarse one that is held at its largest input the
+/// largest reading is the right one. `residuals` are what the readings are less what they should be.
+fn goes_beyond(fault: &Fault, values: &[f64], residuals: &[f64], step: f64) -> bool {
+    let limit = fault.parameters.first().map_or(0.0, |&(_, limit, _)| limit);
+    let short = |(value, residual): (&f64, &f64)| {
+        (value.abs() == limit && residual.is_finite()).then(|| -residual * value.signum())
+    };
+    let short: Vec<f64> = values.iter().zip(residuals).filter_map(short).collect();
+    short.iter().sum::<f64>() > 0.5 * step * short.len() as f64
+}
+
 /// Readings of an output; of one that is held now and then, between the `ends` of its range too, each hold once.
 fn held_once(values: &[f64], ends: &[f64]) -> Vec<f64> {
     let mut kept: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
@@ -426,6 +451,7 @@ pub struct Lattice {
 /// The lattice on which all readings lie, if there is one; of readings that take two values only, those two.
 pub fn lattice(values: &[f64]) -> Option<Lattice> {
     let mut levels: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
+    let readings = levels.len();
     levels.sort_by(f64::total_cmp);
     levels.dedup();
     let (first, last) = (*levels.first()?, *levels.last()?);
@@ -438,7 +464,7 @@ pub fn lattice(values: &[f64]) -> Option<Lattice> {
     };
     let tolerance = OFF_LATTICE + 1e-9 * first.abs().max(span) / step;
     let found = step.is_finite()
-        && span / step <= MOST_LEVELS
+        && (span / step <= MOST_LEVELS || readings >= VISITS * levels.len())
         && differences().all(|difference| off(difference) <= tolerance * 10.0);
     found.then_some(Lattice { step, levels: levels.len() })
 }
@@ -588,12 +614,42 @@ fn median(values: &mut [f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::{
-        LEAST_COMPARED, LEAST_STANDOFF, NEIGHBOURS, Repeats, clipped, coarse, lattice, most_evidence,
-        same_at_rest, standoffs, stuck,
+        Fault, LEAST_COMPARED, LEAST_STANDOFF, NEIGHBOURS, Repeats, clipped, coarse, goes_beyond, lattice,
+        most_evidence, same_at_rest, standoffs, stuck,
     };
+    use crate::catalogue::ReadingFault;
     use rand::{RngExt, SeedableRng};
     use rand_distr::Distribution;
     use statrs::function::erf::erfc_inv;
+
+    /// Readings that pile up at the top are clipped where the input went on, and right where it did not.
+    #[test]
+    fn what_is_clipped_would_have_gone_beyond() {
+        let values = [3.0, 5.0, 5.0, -5.0, 1.0];
+        let fault = Fault {
+            sensor: 0,
+            fault: ReadingFault::Saturated,
+            evidence: 20.0,
+            rows: (1, 4),
+            parameters: vec![("limit", 5.0, true)],
+        };
+        assert!(goes_beyond(&fault, &values, &[0.1, -1.2, -2.0, 0.9, f64::NAN], 1.0));
+        assert!(!goes_beyond(&fault, &values, &[0.1, 0.3, -0.4, 0.2, 0.0], 1.0));
+    }
+
+    /// A gyro that is coarse at rest is so though it was turned fast for a few readings; the digits of a table are no lattice.
+    #[test]
+    fn a_coarse_output_may_have_been_far_away() {
+        let step = 3.87e-6;
+        let coarse = |k: usize| {
+            let far = if k % 500 == 7 { 500_000.0 + k as f64 } else { 0.0 };
+            step * (far + (k * 37 % 5) as f64)
+        };
+        let found = lattice(&(0..4000).map(coarse).collect::<Vec<f64>>()).unwrap();
+        assert!((found.step / step - 1.0).abs() < 1e-6 && found.levels == 13, "{found:?}");
+        let digits = |k: usize| 1e-6 * ((k as f64 * 0.618_034).fract() * 1e6).round();
+        assert!(lattice(&(0..4000).map(digits).collect::<Vec<f64>>()).is_none());
+    }
 
     /// One reading that stands off is a spike with any number of neighbours; a few in a row, a step and a ramp are none.
     #[test]

@@ -192,8 +192,12 @@ pub(super) const DEAD_ZONE: Effect = Effect {
     },
 };
 
-/// An input that is clipped at a limit on either side, at every place where it is known.
+/// An input that is clipped at a limit on either side, at every place where it is known. Where the sensors themselves tell of the motion, what
+/// one does not show is not there either.
 pub(super) fn clipped_inputs(effect: &'static Effect, inputs: &Inputs<'_>) -> Vec<super::Candidate> {
+    if inputs.motion.estimated {
+        return Vec::new();
+    }
     at_each_place(effect, inputs, |place| {
         let Some(input) = varying(place).cloned() else { return Vec::new() };
         let grid = limits(&input);
