@@ -338,11 +338,14 @@ fn set_remainders_aside(
     };
     // What readings show of themselves, and the level of the noise, no form leaves over.
     let of_itself = ["output_stuck", "output_saturated", "quantisation", "noise_outliers", "noise_white"];
+    // What spoils some readings leaves nothing over in the others.
+    let of_some_readings = ["output_stuck", "output_saturated"];
     let all = findings.clone();
     let stronger = |finding: &Finding| {
         let is_main = |main: &&Finding| {
             let part = if thermal(main) && thermal(finding) { THERMAL_FORM } else { FORM };
             !main.effect.starts_with("noise_")
+                && !of_some_readings.contains(&main.effect.as_str())
                 && meet(&main.sensor, &finding.sensor)
                 && part * told(main, &finding.sensor) > finding.evidence.gain_nats
         };

@@ -58,7 +58,14 @@ pub(super) const TIME_DELAY: Effect = Effect {
                 .map(|((late, &time), now)| late.unwrap_or_else(|| beyond(time)) - now)
                 .collect()
         };
+        // The components of a velocity are made by one instrument at one time.
         let mut found = whole_and_alone(effect, inputs, delay, signature);
+        found.retain(|candidate| match candidate.target {
+            Target::Sensor(sensor) => !inputs.places.iter().any(|place| {
+                place.sensor == sensor && place.dimension() == Dimension::Velocity && place.group.is_some()
+            }),
+            Target::Group { .. } => true,
+        });
         found.extend(inputs.places.iter().filter_map(|place| {
             let input = reference_in_loop(inputs, place)?;
             let of_loop = Place { input: Some(input), ..place.clone() };
