@@ -18,7 +18,6 @@ use schuler_recording::recording::SensorSeries;
 use schuler_recording::unit::{Dimension, Unit};
 
 use crate::catalogue::{Column, Port};
-use crate::description::{Sums, take_off};
 use crate::inputs::series::Series;
 use crate::noise::Noise;
 use crate::onset_energy::{self, Shapes};
@@ -679,26 +678,6 @@ impl Block {
     /// The filter with the given noises of all sources; `None` where they are singular or too many.
     pub fn filter(&self, noises: &[Noise]) -> Option<Filter> {
         self.filter_over(noises, &self.present)
-    }
-
-    /// What the channels tell of the noise of each of its sensors, in every row: E[n | p] = Cov(n, p) R⁻¹ p, with constants that are not known
-    /// taken out of p. What is left of n is uncorrelated with p. `None` where the noises are singular.
-    pub fn noise_told(&self, model: &Model, noises: &[Noise]) -> Option<Vec<Vec<f64>>> {
-        let filter = self.filter(noises)?;
-        let constants: Vec<Cow<'_, [f64]>> =
-            model.constants.iter().filter_map(|column| self.project(column, Port::Output)).collect();
-        let columns: Vec<&[f64]> =
-            std::iter::once(self.data.as_slice()).chain(constants.iter().map(AsRef::as_ref)).collect();
-        let mut whitened = filter.whiten(&columns);
-        let solution = Sums::of_whitened(&filter, &whitened).solution();
-        let mut left = whitened.remove(0);
-        take_off(&mut left, &whitened, solution.amplitudes.iter().copied());
-        let scores = filter.adjoint(&left);
-        let of_sensor = |(&sensor, &source): (&usize, &usize)| {
-            let scores = self.back_project(&scores, sensor, Port::Output)?;
-            Some(noises[source].covariance_times(&scores, self.step_s))
-        };
-        self.sensors.iter().zip(&self.sources).map(of_sensor).collect()
     }
 
     /// The filter over other rows than those present.

@@ -949,6 +949,13 @@ fn a_schuler_loop_has_accelerometer_gyro_and_velocity() {
     assert_eq!(ports("scale_factor"), [Port::Accelerometer, Port::Output]);
     assert_eq!(ports("scale_factor_quadratic"), [Port::Accelerometer]);
     assert!(ports("time_delay").contains(&Port::Output));
+    let mut grouped = Recording::clone(&scene.0);
+    grouped.sensors[0].sensor.group = Some("channel".to_owned());
+    let delays = candidates(&Inputs::new(&grouped), "time_delay");
+    assert!(
+        delays.iter().any(|found| found.port == Port::Output),
+        "its group takes nothing from the loop's velocity"
+    );
     assert_eq!(ports("noise_outliers"), [Port::Output]);
     let by_column: Vec<_> = (candidates(&inputs, "bias_temperature").iter())
         .map(|found| found.variant.iter().find(|(name, _)| *name == "column").unwrap().1.clone())

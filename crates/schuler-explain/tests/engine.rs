@@ -1023,6 +1023,50 @@ fn a_limit_is_found_before_the_noise_and_after_it() {
     (0..12_u64).into_par_iter().for_each(named);
 }
 
+/// What is clipped is not known, and what else there is shows in the other readings: a step of a millionth of what the limit gains.
+#[test]
+fn what_is_beside_a_limit_is_told() {
+    let (white, limit, step) = (3e-6, 0.0095, 1e-6);
+    let rates: Vec<f64> = (0..ROWS).map(|row| 0.01 * (0.003 * row as f64 + 0.3).sin()).collect();
+    let mut random = Pcg64::seed_from_u64(8300);
+    let mut reading = |(row, rate): (usize, &f64)| {
+        let noise: f64 = StandardNormal.sample(&mut random);
+        rate.clamp(-limit, limit) + white * noise + if row >= ROWS / 2 { step } else { 0.0 }
+    };
+    let values: Vec<f64> = rates.iter().enumerate().map(&mut reading).collect();
+    let kind = (SensorKind::Fog, Unit::RadianPerSecond);
+    let nominal = Nominal { white, ..Nominal::default() };
+    let gyro = common::series("gyro", kind, [1.0, 0.0, 0.0], nominal, values);
+    let mut recording = common::recording(MotionKind::Recorded, vec![gyro]);
+    recording.motion.rate = Some([rates, vec![0.0; ROWS], vec![0.0; ROWS]]);
+    let answer = explain(&recording, &Options { hold_out: false, ..Options::default() }).unwrap();
+    let told: Vec<&str> = answer.findings.iter().map(|finding| finding.effect.as_str()).collect();
+    assert_eq!(told, ["output_saturated", "bias_step"], "{:?}", answer.notes);
+    let [limited, stepped] = [0, 1].map(|place| answer.findings[place].evidence.gain_nats);
+    // Otherwise nothing would have been set aside.
+    assert!(0.01 * limited > stepped, "{limited} {stepped}");
+}
+
+/// A mean that jumps may be on for one reading, and off for one.
+#[test]
+fn a_jump_of_one_reading_is_no_spike() {
+    let is_on = |row: usize| (row % 500 >= 350 || row == 1130) && row != 1425;
+    let mut random = Pcg64::seed_from_u64(8400);
+    let mut reading = |row: usize| {
+        let noise: f64 = StandardNormal.sample(&mut random);
+        noise + if is_on(row) { 8.0 } else { 0.0 }
+    };
+    let values: Vec<f64> = (0..ROWS).map(&mut reading).collect();
+    let kind = (SensorKind::Fog, Unit::RadianPerSecond);
+    let nominal = Nominal { white: 1.0, ..Nominal::default() };
+    let gyro = common::series("gyro", kind, [1.0, 0.0, 0.0], nominal, values);
+    let mut recording = common::recording(MotionKind::Static, vec![gyro]);
+    recording.sensors[0].sensor.relative = true;
+    let answer = explain(&recording, &Options { hold_out: false, ..Options::default() }).unwrap();
+    let told: Vec<&str> = answer.findings.iter().map(|finding| finding.effect.as_str()).collect();
+    assert_eq!(told, ["intermittent_jump"], "{:?}", answer.findings);
+}
+
 /// What a dead zone swallows of a rate that passes it within a step or two stands off from its neighbours as spikes do.
 #[test]
 fn a_dead_zone_that_is_passed_within_a_step_has_no_spikes() {

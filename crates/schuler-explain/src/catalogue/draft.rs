@@ -185,6 +185,19 @@ impl Draft {
         Self::new(search, vec![amplitude])
     }
 
+    /// One column at one place that is known but for a parameter: it is there as it is, without an amplitude.
+    pub(super) fn whole(
+        place: &Place,
+        parameter: Nonlinear,
+        values: impl Fn(f64) -> Vec<f64> + Send + Sync + 'static,
+    ) -> Self {
+        let mut draft = Self::grid(place, parameter, number("part", "1", 1.0, None), values);
+        if let Search::Grid { unit_amplitude, .. } = &mut draft.search {
+            *unit_amplitude = true;
+        }
+        draft
+    }
+
     /// The same, with a word that says which of several it is.
     pub(super) fn with(mut self, name: &'static str, value: impl Into<String>) -> Self {
         self.variant.push((name, value.into()));

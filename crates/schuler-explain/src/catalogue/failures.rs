@@ -1,4 +1,4 @@
-//! What readings show of a failure without a model of the sensor.
+//! What readings show of a failure without a model of the sensor, and a limit that a known input shows.
 use super::draft::{Draft, ITSELF, Plausible, any, at_each_place, coefficient};
 use super::input::clipped_inputs;
 use super::{Candidate, Effect, Port, ReadingFault, Search};

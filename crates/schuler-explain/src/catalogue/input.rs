@@ -187,7 +187,7 @@ pub(super) const DEAD_ZONE: Effect = Effect {
                 return Vec::new();
             }
             let silent = move |threshold| map(&input, |u| if u.abs() < threshold { -u } else { 0.0 });
-            vec![of_threshold(place, "threshold", grid, silent)]
+            vec![Draft::whole(place, of_input_value(place, "threshold", grid), silent)]
         })
     },
 };
@@ -204,26 +204,15 @@ pub(super) fn clipped_inputs(effect: &'static Effect, inputs: &Inputs<'_>) -> Ve
         if grid.len() < 2 {
             return Vec::new();
         }
-        vec![of_threshold(place, "limit", grid, move |limit| map(&input, |u| u.clamp(-limit, limit) - u))]
+        // Unlike `clamp`, for any limit.
+        let clipped = move |limit: f64| map(&input, |u| u.max(-limit).min(limit) - u);
+        vec![Draft::whole(place, of_input_value(place, "limit", grid), clipped)]
     })
 }
 
-/// A term without an amplitude whose one parameter is a value of the input.
-fn of_threshold(
-    place: &Place,
-    name: &'static str,
-    grid: Vec<f64>,
-    values: impl Fn(f64) -> Vec<f64> + Send + Sync + 'static,
-) -> Draft {
-    let sensor = place.sensor;
-    let signature = move |parameters: &[f64]| {
-        let threshold = parameters.first().copied().unwrap_or_default();
-        Signature { columns: vec![Column::on(sensor, values(threshold.max(0.0)))] }
-    };
-    let parameter = Nonlinear { name, unit: place.dimension().si_unit().name(), grid };
-    let search =
-        Search::Grid { parameters: vec![parameter], signature: Box::new(signature), unit_amplitude: true };
-    Draft::new(search, vec![number("part", "1", 1.0, None)])
+/// A parameter that is a value of the input.
+fn of_input_value(place: &Place, name: &'static str, grid: Vec<f64>) -> Nonlinear {
+    Nonlinear { name, unit: place.dimension().si_unit().name(), grid }
 }
 
 /// The limits of an input that are tried: each is passed by more readings than the next, by a few first and by most at last.

@@ -59,13 +59,8 @@ pub(super) const TIME_DELAY: Effect = Effect {
                 .collect()
         };
         // The components of a velocity are made by one instrument at one time.
-        let mut found = whole_and_alone(effect, inputs, delay, signature);
-        found.retain(|candidate| match candidate.target {
-            Target::Sensor(sensor) => !inputs.places.iter().any(|place| {
-                place.sensor == sensor && place.dimension() == Dimension::Velocity && place.group.is_some()
-            }),
-            Target::Group { .. } => true,
-        });
+        let alone = |place: &Place| place.dimension() != Dimension::Velocity;
+        let mut found = whole_and_alone(effect, inputs, alone, delay, signature);
         found.extend(inputs.places.iter().filter_map(|place| {
             let input = reference_in_loop(inputs, place)?;
             let of_loop = Place { input: Some(input), ..place.clone() };
@@ -113,7 +108,7 @@ pub(super) const BANDWIDTH_LAG: Effect = Effect {
         let signature = |time_s: &[f64], input: &[f64], tau_s: f64| -> Vec<f64> {
             lagged_smooth(time_s, input, tau_s).iter().zip(input).map(|(lagged, now)| lagged - now).collect()
         };
-        whole_and_alone(effect, inputs, parameter, signature)
+        whole_and_alone(effect, inputs, |_| true, parameter, signature)
     },
 };
 
@@ -230,10 +225,11 @@ fn searched(inputs: &Inputs<'_>, place: &Place, most: f64) -> Vec<f64> {
 }
 
 /// The candidates of every instrument for a signature of its sensors' own inputs with one parameter and no amplitude, and those of each
-/// sensor of a group, which can have a lag or a delay of its own.
+/// sensor of a group that can have a lag or a delay of its own, `alone`.
 fn whole_and_alone(
     effect: &'static Effect,
     inputs: &Inputs<'_>,
+    alone: impl Fn(&Place) -> bool,
     parameter: impl Fn(&Place) -> Nonlinear,
     signature: impl Fn(&[f64], &[f64], f64) -> Vec<f64> + Copy + Send + Sync + 'static,
 ) -> Vec<Candidate> {
@@ -241,6 +237,7 @@ fn whole_and_alone(
     let several = instruments.iter().filter(|instrument| instrument.places.len() > 1);
     let alone = several
         .flat_map(|instrument| &instrument.places)
+        .filter(|place| alone(place))
         .map(|&place| Instrument { target: Target::Sensor(place.sensor), places: vec![place] });
     let alone: Vec<Instrument<'_>> = alone.collect();
     (instruments.iter().chain(&alone))

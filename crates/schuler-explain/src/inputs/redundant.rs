@@ -4,7 +4,7 @@
 //! every sensor's axis is still that of the least-squares fit. For a Doppler log beside an inertial system, which
 //! measure one quantity, it is their weighted mean.
 //!
-//! What the residuals tell of the sensors' noise is taken out of it ([`Block::noise_told`]). What is left of the noise is then uncorrelated
+//! What the residuals tell of the sensors' noise is taken out of it ([`noise_told`]). What is left of the noise is then uncorrelated
 //! with the residuals, as that of weighted least squares is where all noise is white. With it the drift of an inertial velocity, which is
 //! in the residual as well, would be an input that the log beside it does not answer to: a dead zone, a scale factor.
 //!
@@ -12,6 +12,7 @@
 //! lag or a delay of the noise would be found where there is none. What changes from row to row more than the noise does
 //! stays.
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use nalgebra::{Matrix3xX, MatrixXx3, Vector3};
 use schuler_recording::Recording;
@@ -20,23 +21,33 @@ use schuler_recording::unit::Dimension;
 
 use super::series::range;
 use super::smoother::{Measurement, process_noise, smooth};
+use crate::catalogue::Port;
 use crate::nominal::{Block, Model};
 use crate::readings::faults;
+use crate::state::{Bench, Case, Whitened};
+use crate::watch::Unwatched;
 
 /// Singular values below this part of the largest are 0.
 const RANK_TOLERANCE: f64 = 1e-6;
 
-/// What the residuals tell of the sensors' noise under the nominal model, SI: sensor, and a value a row. Of sensors that nothing checks there is
-/// nothing.
+/// What the residuals p tell of the noise n of the sensors under the nominal model, E[n | p] = Cov(n, p) R⁻¹ p, SI: sensor, and a value in every
+/// row. What is left of n is uncorrelated with p. Of sensors that nothing checks there is nothing.
 pub fn noise_told(recording: &Recording) -> Vec<(usize, Vec<f64>)> {
     let Ok(model) = Model::new(recording, &[]) else { return Vec::new() };
     let Ok(model) = Model::new(recording, &faults(recording, &model).masked) else { return Vec::new() };
-    let noises = model.nominal_noises();
-    let of_block = |block: &Block| -> Vec<(usize, Vec<f64>)> {
-        let told = block.noise_told(&model, &noises).unwrap_or_default();
-        block.sensors.iter().copied().zip(told).collect()
+    let (noises, time_s) = (model.nominal_noises(), &model.time_s);
+    let case = Case::new(&model, &[], time_s, &Unwatched);
+    let bench = Bench::new(&case, &[], &noises);
+    let of_block = |(block, whitened): (&Block, &Option<Arc<Whitened>>)| -> Vec<(usize, Vec<f64>)> {
+        let Some(whitened) = whitened else { return Vec::new() };
+        let scores = whitened.filter.adjoint(&whitened.remainder);
+        let of_sensor = |(&sensor, &source): (&usize, &usize)| {
+            let scores = block.back_project(&scores, sensor, Port::Output)?;
+            Some((sensor, noises[source].covariance_times(&scores, model.step_s)))
+        };
+        block.sensors.iter().zip(&block.sources).filter_map(of_sensor).collect()
     };
-    model.blocks.iter().flat_map(of_block).collect()
+    model.blocks.iter().zip(&bench.blocks).flat_map(of_block).collect()
 }
 
 /// Motion of the given dimension in body axes, SI units; NaN where no sensor has a reading. None without sensors. `told` is what is known of
