@@ -21,7 +21,7 @@ use crate::nominal::Model;
 use crate::price::Price;
 use crate::refit::THREE_SIGMA_NATS;
 use crate::search::{Family, deterministic, library};
-use crate::select::{Item, add_change, blocks_with, touches, without};
+use crate::select::{Item, add_change, blocks_with, gain_of_item, touches, without};
 use crate::state::{Bench, Case, State, refitted};
 
 /// Nats behind the best within which an identifier belongs to the class.
@@ -144,8 +144,9 @@ pub fn alternatives(
             if free && evidence_here > WORTH_REFITTING {
                 let mut with = less.clone();
                 add_change(&mut with, candidate, fit.clone());
+                let added = Item::Change(with.changes.len() - 1);
                 let (with, _) = refitted(case, &with, Some(&blocks));
-                gain = with.log_likelihood - less.log_likelihood;
+                gain = gain_of_item(case, added, &with, &less);
                 evidence_here = price.evidence(gain);
             }
             let evidence = evidence_here;

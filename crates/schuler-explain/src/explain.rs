@@ -25,8 +25,8 @@ use crate::readings::{Fault, LEAST_STEP, OFF_LATTICE, faults, lattice};
 use crate::refit::parameters;
 use crate::search::{Family, by_all_readings};
 use crate::select::{
-    Item, MOST_FINDINGS, Selection, Shown, add_change, evidence_of, judged_again, refine_terms, select,
-    without,
+    Item, MOST_FINDINGS, Selection, Shown, add_change, evidence_of, gain_of_item, judged_again, refine_terms,
+    select, without,
 };
 use crate::sentence::sentence;
 use crate::state::{Bench, Case, State, refitted};
@@ -47,6 +47,10 @@ const OF_THE_REFERENCE: f64 = 0.8;
 const EXCEEDED: &str = "the search ended at its budget of work: there may be more to find, and what was found may look like more \
                         than is said";
 
+/// A coarse output.
+const QUANTISATION: &str = "quantisation";
+/// Shift of a mean by rounding, in steps, up to which the noise carries the readings over the steps.
+const UNCARRIED: f64 = 0.05;
 /// The effect of an angle that is counted in steps.
 const ANGLE_QUANTISATION: &str = "noise_angle_quantisation";
 
@@ -289,6 +293,13 @@ fn within_record(model: &Model, state: &State) -> Option<Model> {
 fn told_of(case: &Case<'_>, selection: &Selection<'_>, finding: &Finding, sensor: &str) -> f64 {
     let model = case.model;
     let source = model.sources.iter().find(|source| source.name == sensor);
+    if let (QUANTISATION, Some(source)) = (finding.effect.as_str(), source) {
+        // Of itself it leaves over the means that the noise does not carry over the steps.
+        let (noise, rows) = (&source.nominal, model.rows as f64);
+        let shift = shift_by_rounding(noise.rounding, noise.white);
+        let most = 0.5 * rows * shift * shift / noise.white_variance();
+        return finding.evidence.gain_nats.min(most / FORM);
+    }
     let Some(block) = source.and_then(|source| model.block_of(source.sensor)) else {
         return finding.evidence.gain_nats;
     };
@@ -337,7 +348,7 @@ fn set_remainders_aside(
         finding.effect.starts_with("bias_temperature") || finding.effect.starts_with("bias_thermal")
     };
     // What readings show of themselves, and the level of the noise, no form leaves over.
-    let of_itself = ["output_stuck", "output_saturated", "quantisation", "noise_outliers", "noise_white"];
+    let of_itself = ["output_stuck", "output_saturated", QUANTISATION, "noise_outliers", "noise_white"];
     // What spoils some readings leaves nothing over in the others.
     let of_some_readings = ["output_stuck", "output_saturated"];
     let all = findings.clone();
@@ -485,13 +496,20 @@ fn shift_by_rounding(step: f64, white: f64) -> f64 {
 }
 
 /// Whether a candidate is about the noise, or a mean that comes and goes, of an output that is clipped or coarse: what is left of it
-/// then is not what the sensor's noise was, and readings of a few levels have a mean for each. Rounding to less than the noise adds to it
-/// and leaves it as it was.
+/// then is not what the sensor's noise was, and readings of a few levels have a mean for each. Rounding that the noise carries over the
+/// steps adds to it and leaves it as it was.
 fn is_spoilt(candidate: &Candidate, faults: &[Fault], recording: &Recording) -> bool {
-    let spoils = |fault: &Fault| {
+    let coarse = |fault: &Fault| {
         let white = recording.sensors[fault.sensor].sensor.nominal.white;
-        let is_coarse = fault.lattice_step().is_some_and(|step| step >= LEAST_STEP * white);
-        (is_coarse || fault.fault == ReadingFault::Saturated) && sensors_of(candidate).contains(&fault.sensor)
+        let step = fault.lattice_step().filter(|step| *step >= LEAST_STEP * white);
+        match candidate.search {
+            Search::Readings(ReadingFault::IntermittentJump) => step.is_some(),
+            _ => step.is_some_and(|step| shift_by_rounding(step, white) > UNCARRIED * step),
+        }
+    };
+    let spoils = |fault: &Fault| {
+        (coarse(fault) || fault.fault == ReadingFault::Saturated)
+            && sensors_of(candidate).contains(&fault.sensor)
     };
     let of_noise =
         matches!(candidate.search, Search::Noise(_) | Search::Readings(ReadingFault::IntermittentJump));
@@ -771,7 +789,7 @@ fn shown_now(
     let own = candidate_of(state, *item);
     // Without the only one nothing else may have changed.
     let less = if alone { less.clone() } else { without(case, state, *item).0 };
-    let gain = state.log_likelihood - less.log_likelihood;
+    let gain = gain_of_item(case, *item, state, &less);
     let evidence = match ways.iter().find(|way| way.candidate == own) {
         Some(way) => way.price.evidence(gain),
         None => (shown.evidence - (shown.gain - gain).max(0.0)).max(0.0),

@@ -46,6 +46,7 @@ pub mod arrays;
 pub mod budget;
 pub mod calibration;
 pub mod catalogue;
+pub mod common_motion;
 mod constant_gain;
 mod course;
 pub mod deploy;

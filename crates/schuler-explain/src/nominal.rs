@@ -18,6 +18,7 @@ use schuler_recording::recording::SensorSeries;
 use schuler_recording::unit::{Dimension, Unit};
 
 use crate::catalogue::{Column, Port};
+use crate::common_motion::CommonMotion;
 use crate::inputs::series::Series;
 use crate::noise::Noise;
 use crate::onset_energy::{self, Shapes};
@@ -103,6 +104,8 @@ pub struct Model {
     pub sources: Vec<Source>,
     /// The blocks.
     pub blocks: Vec<Block>,
+    /// Redundant sensors, seen beside the motion that they have in common.
+    pub common_motions: Vec<CommonMotion>,
     /// Constants that are fitted and are never a finding.
     pub constants: Vec<Column>,
     /// Number of rows.
@@ -124,6 +127,7 @@ impl Model {
         let mut model = Self {
             sources: Vec::new(),
             blocks: Vec::new(),
+            common_motions: Vec::new(),
             constants: Vec::new(),
             rows: recording.len(),
             time_s: recording.elapsed_s().collect(),
@@ -132,7 +136,11 @@ impl Model {
         };
         match recording.case.motion.kind {
             MotionKind::Static | MotionKind::Recorded => model.add_known(recording, masked),
-            MotionKind::Unknown => model.add_redundant(recording, masked),
+            MotionKind::Unknown => {
+                model.add_redundant(recording, masked);
+                let of_block = |block| CommonMotion::of_block(block, &model.sources, recording, masked);
+                model.common_motions = model.blocks.iter().filter_map(of_block).collect();
+            }
             MotionKind::VelocityError => model.add_loop(recording, masked),
         }
         if model.blocks.is_empty() {

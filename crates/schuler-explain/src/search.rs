@@ -578,7 +578,14 @@ impl Bench<'_> {
             return None;
         }
         let view = self.view(block)?;
-        self.case.changes.get_or((self.key(block), source, change), || view.fit(source, change, starts))
+        let fit = || view.fit(source, change, starts).map(|fit| self.beside_residuals(fit));
+        self.case.changes.get_or((self.key(block), source, change), fit)
+    }
+
+    /// A change of noise with what the readings tell of it beside the residuals.
+    fn beside_residuals(&self, fit: ChangeFit) -> ChangeFit {
+        let told = self.case.beside_residuals(&fit.noises) - self.case.beside_residuals(&self.noises);
+        ChangeFit { gain: fit.gain + told, ln_p: (fit.ln_p - told).min(0.0), ..fit }
     }
 
     /// A block under its present noises.

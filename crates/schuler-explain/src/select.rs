@@ -455,7 +455,8 @@ fn worth(case: &Case<'_>, (state, _, prices): &Found<'_>, family: &Family) -> f6
         against - against.min(BEYOND_DOUBT).ln() - 1.0
     };
     let cost = |(_, shown): &(Item, Shown)| shown.gain - speaks(shown);
-    state.log_likelihood - shown(case, state, prices, family).iter().map(cost).sum::<f64>()
+    state.log_likelihood + case.beside_residuals(&state.noises)
+        - shown(case, state, prices, family).iter().map(cost).sum::<f64>()
 }
 
 /// Rounds of the search from a description and the prices of its terms.
@@ -958,6 +959,16 @@ fn has_no_cause(candidate: &Candidate) -> bool {
         )
 }
 
+/// What an item gains a description over the one without it: in log-likelihood, and of a change of noise by what the readings tell of it
+/// beside the residuals.
+pub fn gain_of_item(case: &Case<'_>, item: Item, with: &State, less: &State) -> f64 {
+    let beside = match item {
+        Item::Term(_) => 0.0,
+        Item::Change(_) => case.beside_residuals(&with.noises) - case.beside_residuals(&less.noises),
+    };
+    with.log_likelihood - less.log_likelihood + beside
+}
+
 /// The evidence of an item of a description that shows so much by its gain.
 pub fn evidence_of(bench: &Bench<'_>, item: Item, by_gain: f64) -> f64 {
     let of_jumps = |place: usize| shown_beside(bench, bench.terms.get(place)?);
@@ -994,7 +1005,7 @@ fn shown_up_to(
             };
             let least = state.log_likelihood - price.ln_places - doubtful;
             let (less, _) = refitted_above(case, &taken_out(case, state, item), None, least);
-            let gain = state.log_likelihood - less.log_likelihood;
+            let gain = gain_of_item(case, item, state, &less);
             let evidence = evidence_of(&bench, item, price.evidence(gain));
             (item, Shown { gain, evidence, ln_p: family.ln_p(&case.candidates[candidate], evidence) })
         })

@@ -3,6 +3,8 @@
 //! The periodogram is taken of innovations, which are nearly white, so that nothing leaks from strong frequencies into
 //! weak ones, and is then turned back through the filter's settled transfer function. Averaged over bands of a few per
 //! cent it makes a likelihood of a few hundred terms, whatever the length of the record.
+use std::ops::RangeInclusive;
+
 use nalgebra::{Complex, DMatrix, DVector, DVectorView};
 use realfft::RealFftPlanner;
 
@@ -61,6 +63,25 @@ struct Band {
     transfer: Vec<Vec<Complex<f64>>>,
 }
 
+/// Bins of the bands of a transform of real numbers, from one on up to the highest frequency: at least so many, and so many that a band is
+/// as wide as this part of its frequency.
+pub fn bands(
+    length: usize,
+    from: usize,
+    least: usize,
+    width: f64,
+) -> impl Iterator<Item = RangeInclusive<usize>> {
+    let half = length / 2;
+    let mut first = from;
+    std::iter::from_fn(move || {
+        let bins = least.max(1 + (width * first as f64) as usize);
+        let last = (first + bins - 1).min(half.saturating_sub(1));
+        let band = first..=last;
+        first = last + 1;
+        (!band.is_empty()).then_some(band)
+    })
+}
+
 impl Spectrum {
     /// The spectrum of `block` from its `whitened` innovations under `noises`.
     pub fn new(block: &Block, filter: &Filter, noises: &[Noise], whitened: &[f64]) -> Self {
@@ -82,9 +103,8 @@ impl Spectrum {
         let space = block.space(noises);
         let half = length / 2;
         let mut bands = Vec::new();
-        let mut first = 1;
-        while first < half {
-            let last = (first + (BAND * first as f64) as usize).min(half - 1);
+        for bins in self::bands(length, 1, 1, BAND) {
+            let (first, last) = bins.into_inner();
             let number = (last - first + 1) as f64;
             let omega = std::f64::consts::PI * 0.5 * (first + last) as f64 / half as f64;
             let power = DMatrix::from_fn(channels, channels, |c, d| {
@@ -98,7 +118,6 @@ impl Spectrum {
                 let transfer = (0..block.sources.len()).map(|place| block.transfer(place, omega)).collect();
                 bands.push(Band { omega, weight: number * independent, estimate, excess, transfer });
             }
-            first = last + 1;
         }
         Self { bands }
     }

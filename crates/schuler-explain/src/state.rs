@@ -46,6 +46,8 @@ pub struct Case<'c> {
     pub(crate) changes: Memo<(Key, usize, NoiseChange), Option<ChangeFit>>,
     /// Standard deviations of the logarithms of free noise parameters.
     pub(crate) sigmas: Memo<(Key, Vec<SourceKnob>), DVector<f64>>,
+    /// What the readings tell of noises beside the residuals.
+    beside_residuals: Memo<Vec<Noise>, f64>,
     /// Histories of the jumps of a sensor.
     pub(crate) jumps: Memo<(Key, usize), Option<Decoded>>,
     /// Where promises of candidates led.
@@ -125,10 +127,26 @@ impl<'c> Case<'c> {
             promised: Memo::new(),
             changes: Memo::new(),
             sigmas: Memo::new(),
+            beside_residuals: Memo::new(),
             jumps: Memo::new(),
             refined: Memo::new(),
             products: Memo::new(),
         }
+    }
+
+    /// What the readings of redundant sensors tell of their noises beside the residuals: log-likelihood less that of the nominal noises.
+    pub fn beside_residuals(&self, noises: &[Noise]) -> f64 {
+        let model = self.model;
+        if model.common_motions.is_empty()
+            || noises.iter().zip(&model.sources).all(|(noise, source)| *noise == source.nominal)
+        {
+            return 0.0;
+        }
+        let told = |noises: &[Noise]| -> f64 {
+            model.common_motions.iter().map(|common| common.beside_residual(noises)).sum()
+        };
+        let compute = |noises: &[Noise]| self.beside_residuals.get_or(noises.to_vec(), || told(noises));
+        compute(noises) - compute(&model.nominal_noises())
     }
 
     /// What tells terms of a candidate apart whose signature was made from the readings and not from parameters.

@@ -783,6 +783,70 @@ fn the_drift_of_an_inertial_velocity_is_no_motion() {
     assert!(named.len() <= most(TRIALS as usize, 0.01), "{named:?}");
 }
 
+/// Four sensors have one parity, which tells one number of their four noises. The readings tell all four where the motion does not hide
+/// them: here it is a slow one.
+#[test]
+fn readings_tell_the_noise_of_each_of_four_sensors() {
+    const STATED: f64 = 0.1;
+    const TRUE: [f64; 4] = [0.1, 0.3, 0.1, 0.05];
+    let mut random = Pcg64::seed_from_u64(170_000);
+    let axes = [[0.8, 0.0, 0.6], [0.0, 0.8, 0.6], [-0.8, 0.0, 0.6], [0.0, -0.8, 0.6]];
+    let motion = |row: usize| [wave(row as f64, ROWS as f64), 15.0, 3.0 * wave(row as f64, 700.0)];
+    let sensors = axes.into_iter().zip(TRUE).enumerate().map(|(place, (axis, white))| {
+        let read = |row: usize| -> f64 {
+            let noise: f64 = StandardNormal.sample(&mut random);
+            axis.iter().zip(motion(row)).map(|(axis, rate)| axis * rate).sum::<f64>() + white * noise
+        };
+        let values = (0..ROWS).map(read).collect();
+        let nominal = Nominal { white: STATED, ..Nominal::default() };
+        let kind = (SensorKind::Fog, Unit::RadianPerSecond);
+        common::series(&format!("gyro_{place}"), kind, axis, nominal, values)
+    });
+    let recording = common::recording(MotionKind::Unknown, sensors.collect());
+    let model = Model::new(&recording, &[]).unwrap();
+    let [common] = &model.common_motions[..] else { panic!("one block of four") };
+    for (noise, white) in common.fitted(&model.nominal_noises()).iter().zip(TRUE) {
+        let part = noise.white / white;
+        // The quietest is known to a sixth only: what the others tell of the motion is louder.
+        assert!((0.65..1.5).contains(&part), "{part} of {white}");
+    }
+}
+
+/// Two sensors that only check each other: their difference has the sum of their noises, their readings tell whose the rest is. Motion that
+/// is estimated with the noises as they are stated would have it as an input.
+#[test]
+fn noise_that_was_stated_wrongly_is_told_of_the_sensor_that_has_it() {
+    const TRIALS: u64 = 30;
+    const LOG: f64 = 0.1;
+    let answers: Vec<(String, Vec<String>)> = (0..TRIALS)
+        .into_par_iter()
+        .map(|seed| {
+            let mut random = Pcg64::seed_from_u64(171_000 + seed);
+            let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+            // Half of the time at rest.
+            let velocity = |row: usize| 4.0 * (row as f64 * 0.004 + seed as f64).sin().max(0.0);
+            let log: Vec<f64> = (0..ROWS).map(|row| velocity(row) + LOG * normal()).collect();
+            let inertial: Vec<f64> = (0..ROWS).map(|row| velocity(row) + LOG * normal()).collect();
+            let mut recording = recording(vec![log, inertial]);
+            recording.case.motion.kind = MotionKind::Unknown;
+            // Of one sensor a third is stated, of every other trial's another.
+            let wrong = (seed % 2) as usize;
+            for (place, series) in recording.sensors.iter_mut().enumerate() {
+                let white = if place == wrong { LOG / 3.0 } else { LOG };
+                series.sensor.nominal = Nominal { white, ..Nominal::default() };
+            }
+            recording.sensors[1].sensor.kind = SensorKind::InsVelocity;
+            let expected = format!("{} noise_white", recording.sensors[wrong].sensor.id);
+            let answer = explain(&recording, &Options { hold_out: false, ..Options::default() }).unwrap();
+            let told = answer.findings.into_iter().map(|found| format!("{} {}", found.sensor, found.effect));
+            (expected, told.collect())
+        })
+        .collect();
+    let other = |(expected, told): &&(String, Vec<String>)| told.as_slice() != std::slice::from_ref(expected);
+    let wrong: Vec<_> = answers.iter().filter(other).collect();
+    assert!(wrong.len() <= most(TRIALS as usize, 0.01), "{wrong:?}");
+}
+
 /// Steps that are missing for all sensors are gaps, whatever part of the record they are.
 #[test]
 fn redundant_sensors_are_compared_where_they_read() {

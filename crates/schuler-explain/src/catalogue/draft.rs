@@ -33,6 +33,8 @@ pub(super) const G_CUBED: Per = Per("g^3", STANDARD_GRAVITY * STANDARD_GRAVITY *
 pub(super) const G_KELVIN: Per = Per("g/K", STANDARD_GRAVITY);
 pub(super) const RATE_SQUARED: Per = Per("(rad/s)^2", 1.0);
 pub(super) const RATE_CUBED: Per = Per("(rad/s)^3", 1.0);
+pub(super) const VELOCITY_SQUARED: Per = Per("(m/s)^2", 1.0);
+pub(super) const VELOCITY_CUBED: Per = Per("(m/s)^3", 1.0);
 
 /// Plausible magnitudes of a coefficient: °/h per unit for gyros, µg per unit for accelerometers, m/s for velocities.
 #[derive(Clone, Copy, Debug, Default)]

@@ -4,8 +4,8 @@ use schuler_recording::unit::Dimension;
 
 use super::draft::{
     Draft, G_CUBED, G_SQUARED, Instrument, Per, Plausible, RADIAN_IN_ARCSECONDS, RATE_CUBED, RATE_SQUARED,
-    accelerometers, any, arcseconds, at_each_place, coefficient, inertial, instruments, logarithmic, number,
-    ppm, seen,
+    VELOCITY_CUBED, VELOCITY_SQUARED, accelerometers, any, arcseconds, at_each_place, coefficient,
+    instruments, logarithmic, number, ppm, seen,
 };
 use super::{Column, Effect, Nonlinear, Search, Signature, Target};
 use crate::inputs::series::{both_signs, map, product, varies};
@@ -82,7 +82,7 @@ pub(super) const SCALE_FACTOR_QUADRATIC: Effect = Effect {
     needs: "amplitude of the input varies",
     separated_by: "centrifuge or rates at several sizes; vibration along the axis shows it as a constant",
     source: IEEE_1293,
-    acts_on: inertial,
+    acts_on: any,
     candidates: |effect, inputs| {
         of_input(effect, inputs, amplitude_varies, |place, input| {
             let plausible = Plausible::accelerometer([1.0, 20.0]);
@@ -98,10 +98,14 @@ pub(super) const SCALE_FACTOR_CUBIC: Effect = Effect {
     needs: "large amplitude of the input",
     separated_by: "centrifuge or rates at several sizes and both signs",
     source: IEEE_1293,
-    acts_on: inertial,
+    acts_on: any,
     candidates: |effect, inputs| {
         of_input(effect, inputs, amplitude_varies, |place, input| {
-            let per = if accelerometers(place.kind) { G_CUBED } else { RATE_CUBED };
+            let per = match place.kind.dimension() {
+                Dimension::AngularRate => RATE_CUBED,
+                Dimension::Acceleration => G_CUBED,
+                Dimension::Velocity => VELOCITY_CUBED,
+            };
             (map(input, |u| u * u * u), coefficient(place, per, Plausible::accelerometer([0.1, 10.0])))
         })
     },
@@ -114,7 +118,7 @@ pub(super) const SCALE_FACTOR_ODD_QUADRATIC: Effect = Effect {
     needs: "amplitude of the input varies, both signs",
     separated_by: "centrifuge or rates at several sizes and both signs",
     source: IEEE_1293,
-    acts_on: inertial,
+    acts_on: any,
     candidates: |effect, inputs| {
         let has = |input: &[f64]| amplitude_varies(input) && both_signs(input);
         of_input(effect, inputs, has, |place, input| {
@@ -274,7 +278,11 @@ fn amplitude_varies(input: &[f64]) -> bool {
 }
 
 fn squared(place: &Place) -> Per {
-    if accelerometers(place.kind) { G_SQUARED } else { RATE_SQUARED }
+    match place.kind.dimension() {
+        Dimension::AngularRate => RATE_SQUARED,
+        Dimension::Acceleration => G_SQUARED,
+        Dimension::Velocity => VELOCITY_SQUARED,
+    }
 }
 
 /// A small rotation ε of a whole instrument: each axis a becomes a + ε × a, so its sensor reads ε·(a × u) more. Offered

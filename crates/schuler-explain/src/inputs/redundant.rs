@@ -22,6 +22,7 @@ use schuler_recording::unit::Dimension;
 use super::series::range;
 use super::smoother::{Measurement, process_noise, smooth};
 use crate::catalogue::Port;
+use crate::noise::Noise;
 use crate::nominal::{Block, Model};
 use crate::readings::faults;
 use crate::state::{Bench, Case, Whitened};
@@ -30,37 +31,47 @@ use crate::watch::Unwatched;
 /// Singular values below this part of the largest are 0.
 const RANK_TOLERANCE: f64 = 1e-6;
 
-/// What the residuals p tell of the noise n of the sensors under the nominal model, E[n | p] = Cov(n, p) R⁻¹ p, SI: sensor, and a value in every
-/// row. What is left of n is uncorrelated with p. Of sensors that nothing checks there is nothing.
-pub fn noise_told(recording: &Recording) -> Vec<(usize, Vec<f64>)> {
+/// What is known of the noise of a sensor.
+pub struct KnownNoise {
+    sensor: usize,
+    noise: Noise,
+    /// Its expected value beside the residuals, SI, in every row.
+    told: Vec<f64>,
+}
+
+/// What the residuals p tell of the noise n of the sensors, E[n | p] = Cov(n, p) R⁻¹ p. What is left of n is uncorrelated with p. Of sensors
+/// that nothing checks there is nothing.
+pub fn noise_told(recording: &Recording) -> Vec<KnownNoise> {
     let Ok(model) = Model::new(recording, &[]) else { return Vec::new() };
     let Ok(model) = Model::new(recording, &faults(recording, &model).masked) else { return Vec::new() };
-    let (noises, time_s) = (model.nominal_noises(), &model.time_s);
-    let case = Case::new(&model, &[], time_s, &Unwatched);
+    let noises =
+        model.common_motions.iter().fold(model.nominal_noises(), |noises, common| common.fitted(&noises));
+    let case = Case::new(&model, &[], &model.time_s, &Unwatched);
     let bench = Bench::new(&case, &[], &noises);
-    let of_block = |(block, whitened): (&Block, &Option<Arc<Whitened>>)| -> Vec<(usize, Vec<f64>)> {
+    let of_block = |(block, whitened): (&Block, &Option<Arc<Whitened>>)| -> Vec<KnownNoise> {
         let Some(whitened) = whitened else { return Vec::new() };
         let scores = whitened.filter.adjoint(&whitened.remainder);
         let of_sensor = |(&sensor, &source): (&usize, &usize)| {
             let scores = block.back_project(&scores, sensor, Port::Output)?;
-            Some((sensor, noises[source].covariance_times(&scores, model.step_s)))
+            let noise = noises[source].clone();
+            Some(KnownNoise { sensor, told: noise.covariance_times(&scores, model.step_s), noise })
         };
         block.sensors.iter().zip(&block.sources).filter_map(of_sensor).collect()
     };
     model.blocks.iter().zip(&bench.blocks).flat_map(of_block).collect()
 }
 
-/// Motion of the given dimension in body axes, SI units; NaN where no sensor has a reading. None without sensors. `told` is what is known of
-/// the sensors' noise.
+/// Motion of the given dimension in body axes, SI units; NaN where no sensor has a reading. None without sensors. `known` is what is known
+/// of the sensors' noise beside what the user believes.
 pub fn estimate(
     recording: &Recording,
     time_s: &[f64],
     dimension: Dimension,
-    told: &[(usize, Vec<f64>)],
+    known: &[KnownNoise],
 ) -> Option<[Vec<f64>; 3]> {
-    let told: Vec<Option<&[f64]>> = (recording.sensors.iter().enumerate())
+    let known: Vec<Option<&KnownNoise>> = (recording.sensors.iter().enumerate())
         .filter(|(_, series)| series.sensor.kind.dimension() == dimension)
-        .map(|(index, _)| told.iter().find(|known| known.0 == index).map(|(_, noise)| noise.as_slice()))
+        .map(|(index, _)| known.iter().find(|known| known.sensor == index))
         .collect();
     let sensors: Vec<_> =
         recording.sensors.iter().filter(|series| series.sensor.kind.dimension() == dimension).collect();
@@ -68,9 +79,15 @@ pub fn estimate(
         return None;
     }
     let axes: Vec<Vector3<f64>> = sensors.iter().map(|series| axis_of(&series.sensor)).collect();
-    let weights: Vec<f64> = sensors.iter().map(|series| 1.0 / noise_of(&series.sensor)).collect();
+    let noises: Vec<Noise> = (sensors.iter().zip(&known))
+        .map(|(series, known)| match known {
+            Some(known) => known.noise.clone(),
+            None => Noise::nominal(&series.sensor.nominal, series.sensor.quantisation),
+        })
+        .collect();
+    let weights: Vec<f64> = noises.iter().map(|noise| 1.0 / deviation(noise)).collect();
     let mut solutions: HashMap<Vec<bool>, Matrix3xX<f64>> = HashMap::new();
-    let white: Vec<f64> = sensors.iter().map(|series| white_variance(&series.sensor)).collect();
+    let white: Vec<f64> = noises.iter().map(Noise::white_variance).collect();
     let mut columns = [(); 3].map(|()| Vec::with_capacity(recording.len()));
     let mut variances = [(); 3].map(|()| Vec::with_capacity(recording.len()));
     let mut present = vec![false; sensors.len()];
@@ -89,7 +106,7 @@ pub fn estimate(
         let mut variance = Vector3::zeros();
         if let Some(solution) = solutions.get(&present) {
             for (index, series) in sensors.iter().enumerate().filter(|&(index, _)| present[index]) {
-                let noise = told[index].map_or(0.0, |noise| noise[row]);
+                let noise = known[index].map_or(0.0, |known| known.told[row]);
                 sum += solution.column(index) * (series.values[row] - series.sensor.nominal.bias - noise);
                 variance += solution.column(index).map(|weight| weight * weight * white[index]);
             }
@@ -128,22 +145,16 @@ fn smoothed(time_s: &[f64], values: &mut [f64], variances: &[f64]) {
     }
 }
 
-/// Variance of the sensor's white noise and rounding.
-fn white_variance(sensor: &Sensor) -> f64 {
-    sensor.nominal.white.powi(2) + sensor.quantisation.powi(2) / 12.0
-}
-
 /// Axis of a sensor; a velocity without one is along x.
 pub fn axis_of(sensor: &Sensor) -> Vector3<f64> {
     sensor.axis.map_or(Vector3::x(), Vector3::from)
 }
 
-/// Standard deviation of the sensor's nominal noise, in its unit.
-fn noise_of(sensor: &Sensor) -> f64 {
-    let nominal = &sensor.nominal;
-    let variance = nominal.white.powi(2)
-        + nominal.markov.map_or(0.0, |markov| markov.sigma.powi(2))
-        + nominal.exp_cos.map_or(0.0, |noise| noise.sigma.powi(2));
+/// Standard deviation of what of a noise has one; 1 where nothing has.
+fn deviation(noise: &Noise) -> f64 {
+    let variance = noise.white.powi(2)
+        + noise.markov.iter().map(|part| part.sigma.powi(2)).sum::<f64>()
+        + noise.exp_cos.iter().map(|part| part.sigma.powi(2)).sum::<f64>();
     if variance > 0.0 { variance.sqrt() } else { 1.0 }
 }
 

@@ -1,0 +1,280 @@
+//! What readings of redundant sensors tell of their noise beside their residuals.
+//!
+//! Readings y = A m + n of one motion m have the residuals p = V y, V A = 0, which know nothing of m, and tell of the noises N (diagonal)
+//! only V N Vᵀ: of two sensors the sum. The readings tell more, because whatever the motion is, all of them have it. In a band of K
+//! frequencies their spectra are A M Aᵀ + N, with a motion M in r directions of which nothing is known. The weighted mean
+//! u = (Aᵀ N⁻¹ A)⁻¹ Aᵀ N⁻¹ y is uncorrelated with p, and Whittle's likelihood over all M is that of the residuals and
+//!
+//! ```text
+//!   −(K − r) ln det Ŝᵤ(N),
+//! ```
+//!
+//! Ŝᵤ the spectrum of u: the right weights are those with which the mean has the least power. Where the motion is many times the noise
+//! this says nothing.
+use nalgebra::{Complex, DMatrix, Matrix3, Matrix3xX, MatrixXx3, Vector3};
+use realfft::RealFftPlanner;
+use schuler_recording::Recording;
+
+use crate::inputs::redundant::axis_of;
+use crate::inputs::series::{bridged, mean};
+use crate::minimise::simplex;
+use crate::noise::Noise;
+use crate::noise_fit::{SourceKnob, logs_of, with_logs};
+use crate::nominal::{Block, Source};
+use crate::spectrum::bands;
+
+/// First frequency that the taper keeps apart from the mean.
+const FIRST: usize = 3;
+/// Frequencies of a band: at least, and as a part of its own.
+const BINS: usize = 12;
+const WIDTH: f64 = 0.1;
+/// Independent frequencies under the taper, sin², as a part of those without.
+const TAPERED: f64 = 18.0 / 35.0;
+/// Part of the rows in which all sensors must have readings.
+const LEAST_PRESENT: f64 = 0.5;
+/// Singular values of the axes below this part of the largest are 0.
+const RANK_TOLERANCE: f64 = 1e-6;
+/// By how much the user's belief may be wrong, ln of a parameter, 1 σ.
+const BELIEF: f64 = 1.0;
+/// First side of the simplex, and the spread of its costs at which it ends.
+const SIDE: f64 = 0.5;
+const SPREAD: f64 = 0.01;
+/// Iterations of the simplex for each parameter.
+const ITERATIONS: u64 = 60;
+/// Times that all sensors are gone through, and nats below which nothing more is to be had.
+const ROUNDS: usize = 6;
+const ENOUGH: f64 = 0.3;
+
+/// Redundant sensors, seen beside the motion that they have in common.
+#[derive(Clone, Debug)]
+pub struct CommonMotion {
+    /// Their sources.
+    pub sources: Vec<usize>,
+    /// Their axes in the directions that they span; 0 in those that they do not.
+    axes: MatrixXx3<f64>,
+    /// 1 in the directions that they do not span.
+    unseen: Matrix3<f64>,
+    step_s: f64,
+    bands: Vec<Band>,
+}
+
+/// Spectra of the readings in a band.
+#[derive(Clone, Debug)]
+struct Band {
+    /// Middle, rad a step.
+    omega: f64,
+    /// Number of independent frequencies.
+    weight: f64,
+    /// The same less that of directions, of which the motion takes one each.
+    beside: f64,
+    /// The readings' spectra and cross-spectra, in units in which white noise of σ = 1 has 1.
+    estimate: DMatrix<Complex<f64>>,
+}
+
+/// A band as one sensor is seen beside the others.
+struct BesideOthers {
+    omega: f64,
+    weight: f64,
+    beside: f64,
+    /// The mean of the others: its spectrum, and its gain P a for a unit of the innovation's power.
+    mean: Matrix3<Complex<f64>>,
+    gain: Vector3<f64>,
+    /// The sensor's reading less what that mean makes of it: power, with the mean, and the power expected but for its own noise.
+    power: f64,
+    with_mean: Vector3<Complex<f64>>,
+    expected: f64,
+}
+
+impl CommonMotion {
+    /// The sensors of a block, by their readings without those in `masked`; `None` where they are not redundant, or have too few in common.
+    pub fn of_block(
+        block: &Block,
+        sources: &[Source],
+        recording: &Recording,
+        masked: &[Vec<bool>],
+    ) -> Option<Self> {
+        let sensors: Vec<usize> = block.sources.iter().map(|&source| sources[source].sensor).collect();
+        let along: Vec<_> =
+            sensors.iter().map(|&sensor| axis_of(&recording.sensors[sensor].sensor).transpose()).collect();
+        let along = MatrixXx3::from_rows(&along);
+        let svd = (along.transpose() * &along).symmetric_eigen();
+        let largest = svd.eigenvalues.max();
+        let seen =
+            svd.eigenvalues.map(|value| f64::from(value > (RANK_TOLERANCE * RANK_TOLERANCE) * largest));
+        let axes = &along * svd.eigenvectors * Matrix3::from_diagonal(&seen);
+        let unseen = Matrix3::from_diagonal(&seen.map(|seen| 1.0 - seen));
+        let step_s = recording.step_s;
+        let nominal = |omega: f64| -> f64 {
+            block.sources.iter().map(|&source| sources[source].nominal.spectrum(omega, step_s)).sum()
+        };
+        let bands = spectra(recording, masked, &sensors, seen.sum(), &nominal)?;
+        Some(Self { sources: block.sources.clone(), axes, unseen, step_s, bands })
+    }
+
+    /// What the readings tell of the noises of all sources beside what the residuals do: log-likelihood, up to a constant.
+    pub fn beside_residual(&self, noises: &[Noise]) -> f64 {
+        let of_band = |band: &Band| {
+            let (weights, _) = self.mean_of(&self.powers(noises, band.omega), None)?;
+            let power = self.spectrum_of(&weights, band).determinant().re;
+            Some(-band.beside * power.ln())
+        };
+        self.bands.iter().filter_map(of_band).filter(|value| value.is_finite()).sum()
+    }
+
+    /// The noises at the maximum of the likelihood of the readings and of what the user believes, found sensor by sensor; those of other
+    /// sources as they are.
+    pub fn fitted(&self, believed: &[Noise]) -> Vec<Noise> {
+        let mut noises = believed.to_vec();
+        for _ in 0..ROUNDS {
+            let mut gained = 0.0;
+            for place in 0..self.sources.len() {
+                gained += self.fit_one(place, believed, &mut noises);
+            }
+            if gained < ENOUGH {
+                break;
+            }
+        }
+        noises
+    }
+
+    /// Fits the noise of one sensor beside those of the others; what it gains.
+    fn fit_one(&self, place: usize, believed: &[Noise], noises: &mut Vec<Noise>) -> f64 {
+        let source = self.sources[place];
+        let knobs: Vec<SourceKnob> = noises[source].knobs().into_iter().map(|knob| (source, knob)).collect();
+        let bands: Vec<BesideOthers> =
+            self.bands.iter().filter_map(|band| self.beside_others(place, noises, band)).collect();
+        let (belief, start) = (logs_of(believed, &knobs), logs_of(noises, &knobs));
+        let cost = |logs: &[f64]| {
+            let mut noise = noises[source].clone();
+            for (&(_, knob), log) in knobs.iter().zip(logs) {
+                noise.set(knob, log.exp());
+            }
+            let away: f64 =
+                logs.iter().zip(&belief).map(|(log, belief)| ((log - belief) / BELIEF).powi(2)).sum();
+            let seen: f64 =
+                bands.iter().map(|band| band.log_likelihood(noise.spectrum(band.omega, self.step_s))).sum();
+            0.5 * away - seen
+        };
+        let before = cost(&start);
+        let (best, least) =
+            simplex(&start, &vec![SIDE; knobs.len()], SPREAD, ITERATIONS * knobs.len() as u64, cost);
+        *noises = with_logs(noises, &knobs, &best);
+        before - least
+    }
+
+    fn powers(&self, noises: &[Noise], omega: f64) -> Vec<f64> {
+        self.sources.iter().map(|&source| noises[source].spectrum(omega, self.step_s)).collect()
+    }
+
+    /// Weights of the mean of noises of the given powers, without one sensor, and its noise's power; `None` where the sensors do not span
+    /// the directions.
+    fn mean_of(&self, powers: &[f64], without: Option<usize>) -> Option<(Matrix3xX<f64>, Matrix3<f64>)> {
+        let weight = |place: usize| if without == Some(place) { 0.0 } else { powers[place].recip() };
+        let weighted =
+            Matrix3xX::from_fn(powers.len(), |row, column| weight(column) * self.axes[(column, row)]);
+        let information = &weighted * &self.axes;
+        let scale = information.trace();
+        let noise = (information + self.unseen * scale).try_inverse()?;
+        (noise.amax() * scale < RANK_TOLERANCE.powi(-2)).then(|| (noise * weighted, noise))
+    }
+
+    /// Spectrum of a mean; 1 in the directions that the sensors do not span.
+    fn spectrum_of(&self, weights: &Matrix3xX<f64>, band: &Band) -> Matrix3<Complex<f64>> {
+        let weights = weights.map(Complex::from);
+        &weights * &band.estimate * weights.transpose() + self.unseen.map(Complex::from)
+    }
+
+    fn beside_others(&self, place: usize, noises: &[Noise], band: &Band) -> Option<BesideOthers> {
+        let powers = self.powers(noises, band.omega);
+        let (weights, noise) = self.mean_of(&powers, Some(place))?;
+        let axis = self.axes.row(place).transpose();
+        let mut innovation = -(axis.transpose() * &weights);
+        innovation[place] += 1.0;
+        let seen = &band.estimate * innovation.transpose().map(Complex::from);
+        let gain = noise * axis;
+        Some(BesideOthers {
+            omega: band.omega,
+            weight: band.weight,
+            beside: band.beside,
+            mean: self.spectrum_of(&weights, band),
+            gain,
+            power: innovation.iter().zip(&seen).map(|(weight, seen)| weight * seen.re).sum(),
+            with_mean: weights.map(Complex::from) * seen,
+            expected: axis.dot(&gain),
+        })
+    }
+}
+
+impl BesideOthers {
+    /// Log-likelihood of a power of the sensor's noise, up to a constant.
+    fn log_likelihood(&self, noise: f64) -> f64 {
+        let expected = self.expected + noise;
+        let gain = (self.gain / expected).map(Complex::from);
+        let mixed = gain * self.with_mean.adjoint();
+        let mean = self.mean + mixed + mixed.adjoint() + gain * gain.transpose() * Complex::from(self.power);
+        let power = mean.determinant().re;
+        let sum = -self.weight * (expected.ln() + self.power / expected) - self.beside * power.ln();
+        if sum.is_finite() { sum } else { 0.0 }
+    }
+}
+
+/// Spectra of the sensors' readings in bands, with a motion in so many directions; `nominal` is the sum of the spectra of the noises that the
+/// user believes in.
+fn spectra(
+    recording: &Recording,
+    masked: &[Vec<bool>],
+    sensors: &[usize],
+    directions: f64,
+    nominal: &dyn Fn(f64) -> f64,
+) -> Option<Vec<Band>> {
+    let rows = recording.len();
+    let read = |sensor: usize, row: usize| {
+        let hidden = masked.get(sensor).and_then(|rows| rows.get(row)).is_some_and(|&hidden| hidden);
+        let series = &recording.sensors[sensor];
+        if hidden { f64::NAN } else { series.values[row] - series.sensor.nominal.bias }
+    };
+    // A hole of one is one of all: the motion across it is then bridged in the same way.
+    let present = |row: usize| sensors.iter().all(|&sensor| read(sensor, row).is_finite());
+    let present: Vec<bool> = (0..rows).map(present).collect();
+    if (present.iter().filter(|&&present| present).count() as f64) < LEAST_PRESENT * rows as f64 {
+        return None;
+    }
+    let taper = |row: usize| (std::f64::consts::PI * (row as f64 + 0.5) / rows as f64).sin().powi(2);
+    let energy: f64 = (0..rows).filter(|&row| present[row]).map(|row| taper(row).powi(2)).sum();
+    let time_s: Vec<f64> = recording.elapsed_s().collect();
+    let length = rows.next_power_of_two();
+    let forward = RealFftPlanner::<f64>::new().plan_fft_forward(length);
+    let transform = |&sensor: &usize| -> Option<Vec<Complex<f64>>> {
+        let value = |row: usize| if present[row] { read(sensor, row) } else { f64::NAN };
+        let values = bridged(&time_s, &(0..rows).map(value).collect::<Vec<f64>>())?;
+        let mean = mean(&values);
+        let mut padded = vec![0.0; length];
+        for (row, (padded, value)) in padded.iter_mut().zip(values.iter()).enumerate() {
+            *padded = taper(row) * (value - mean);
+        }
+        let mut transform = forward.make_output_vec();
+        forward.process(&mut padded, &mut transform).ok().map(|()| transform)
+    };
+    let transforms: Vec<Vec<Complex<f64>>> = sensors.iter().map(transform).collect::<Option<_>>()?;
+    let independent = TAPERED * rows as f64 / length as f64;
+    let of_bins = |bins: std::ops::RangeInclusive<usize>| {
+        let number = bins.clone().count() as f64;
+        let middle = 0.5 * (bins.start() + bins.end()) as f64;
+        let omega = |bin: f64| 2.0 * std::f64::consts::PI * bin / length as f64;
+        // Steep spectra are flat over a band as parts of what is believed.
+        let parts: Vec<f64> =
+            bins.clone().map(|bin| nominal(omega(middle)) / nominal(omega(bin as f64))).collect();
+        let estimate = DMatrix::from_fn(sensors.len(), sensors.len(), |one, other| {
+            let power =
+                |(bin, part): (usize, &f64)| transforms[one][bin] * transforms[other][bin].conj() * *part;
+            bins.clone().zip(&parts).map(power).sum::<Complex<f64>>() / (number * energy)
+        });
+        Band {
+            omega: omega(middle),
+            weight: number * independent,
+            beside: (number * independent - directions).max(0.0),
+            estimate,
+        }
+    };
+    Some(bands(length, FIRST, BINS, WIDTH).map(of_bins).collect())
+}
