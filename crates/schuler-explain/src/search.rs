@@ -584,7 +584,7 @@ impl Bench<'_> {
 
     /// A change of noise with what the readings tell of it beside the residuals.
     fn beside_residuals(&self, fit: ChangeFit) -> ChangeFit {
-        let told = self.case.beside_residuals(&fit.noises) - self.case.beside_residuals(&self.noises);
+        let told = self.case.told_of_change(fit.change, &fit.noises, &self.noises);
         ChangeFit { gain: fit.gain + told, ln_p: (fit.ln_p - told).min(0.0), ..fit }
     }
 

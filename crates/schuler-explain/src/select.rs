@@ -964,7 +964,7 @@ fn has_no_cause(candidate: &Candidate) -> bool {
 pub fn gain_of_item(case: &Case<'_>, item: Item, with: &State, less: &State) -> f64 {
     let beside = match item {
         Item::Term(_) => 0.0,
-        Item::Change(_) => case.beside_residuals(&with.noises) - case.beside_residuals(&less.noises),
+        Item::Change(place) => case.told_of_change(with.changes[place].change, &with.noises, &less.noises),
     };
     with.log_likelihood - less.log_likelihood + beside
 }

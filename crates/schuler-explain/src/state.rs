@@ -149,6 +149,13 @@ impl<'c> Case<'c> {
         compute(noises) - compute(&model.nominal_noises())
     }
 
+    /// What the readings tell beside the residuals of a change of the noises: a change in time they tell nothing of but what speaks against
+    /// the sensor's having so much noise in the mean.
+    pub fn told_of_change(&self, change: NoiseChange, with: &[Noise], without: &[Noise]) -> f64 {
+        let told = self.beside_residuals(with) - self.beside_residuals(without);
+        if change == NoiseChange::VarianceStep { told.min(0.0) } else { told }
+    }
+
     /// What tells terms of a candidate apart whose signature was made from the readings and not from parameters.
     fn mark(&self, term: &Term) -> u64 {
         let of_readings = |candidate: &Candidate| matches!(candidate.search, Search::Readings(_));

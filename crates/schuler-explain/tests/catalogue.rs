@@ -972,7 +972,7 @@ fn redundant_sensors_tell_the_motion_that_no_one_knows() {
         .last(|sensor| sensor.nominal.white = 0.01)
         .sensor("radio", SensorKind::Doppler, Unit::MetrePerSecond, [1.0, 0.0, 0.0]);
     let truth = |t: f64| 50.0 + 5.0 * (0.05 * t).sin();
-    let noise = |t: f64, of: f64| 12.0_f64.sqrt() * (((t * of).sin() * 43_758.5453).fract().abs() - 0.5);
+    let noise = |t: f64, of: f64| 12.0_f64.sqrt() * (((t * of).sin() * 43_758.545_3).fract().abs() - 0.5);
     scene.0.sensors[0].values = scene.sample(|t| truth(t) + 0.01 * noise(t, 12.9898));
     scene.0.sensors[1].values = scene.sample(|t| truth(t) + 3.0 + noise(t, 78.233));
     scene.0.sensors[1].values[500] = f64::NAN;

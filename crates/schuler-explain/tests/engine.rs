@@ -847,6 +847,45 @@ fn noise_that_was_stated_wrongly_is_told_of_the_sensor_that_has_it() {
     assert!(wrong.len() <= most(TRIALS as usize, 0.01), "{wrong:?}");
 }
 
+/// What is seen of one sensor at rest whose noise is stated as white of so much.
+fn seen_at_rest(stated: f64, values: Vec<f64>) -> Vec<String> {
+    let mut recording = recording(vec![values]);
+    recording.sensors[0].sensor.nominal = Nominal { white: stated, ..Nominal::default() };
+    let answer = explain(&recording, &Options { hold_out: false, ..Options::default() }).unwrap();
+    answer.findings.into_iter().map(|finding| finding.effect).collect()
+}
+
+#[test]
+fn rounding_that_the_noise_carries_hides_no_slow_noise() {
+    const STEP: f64 = 3.0;
+    for seed in 0..5 {
+        let mut random = Pcg64::seed_from_u64(172_000 + seed);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+        let mut walk = 0.0;
+        let mut reading = |_| {
+            walk += 0.1 * normal();
+            STEP * ((walk + normal()) / STEP).round()
+        };
+        let seen = seen_at_rest(1.0, (0..ROWS).map(&mut reading).collect());
+        assert!(seen.iter().any(|effect| effect == "quantisation"), "{seen:?}");
+        assert!(seen.iter().any(|effect| effect == "noise_random_walk"), "{seen:?}");
+    }
+}
+
+#[test]
+fn spikes_stand_off_from_the_noise_that_is_there() {
+    for seed in 0..5 {
+        let mut random = Pcg64::seed_from_u64(173_000 + seed);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+        let spike = |row: usize| if row % 397 == 200 { 3.0 } else { 0.0 };
+        // Fifteen standard deviations, and three of what is stated.
+        let values: Vec<f64> = (0..ROWS).map(|row| spike(row) + 0.2 * normal()).collect();
+        let mut seen = seen_at_rest(1.0, values);
+        seen.sort();
+        assert_eq!(seen, ["noise_outliers", "noise_white"]);
+    }
+}
+
 /// Steps that are missing for all sensors are gaps, whatever part of the record they are.
 #[test]
 fn redundant_sensors_are_compared_where_they_read() {
