@@ -20,7 +20,7 @@ use crate::inputs::series::{bridged, mean};
 use crate::minimise::simplex;
 use crate::noise::Noise;
 use crate::noise_fit::{SourceKnob, logs_of, with_logs};
-use crate::nominal::{Block, Source};
+use crate::nominal::{Block, Source, of_input};
 use crate::spectrum::bands;
 
 /// First frequency that the taper keeps apart from the mean.
@@ -98,11 +98,11 @@ impl CommonMotion {
         let along: Vec<_> =
             sensors.iter().map(|&sensor| axis_of(&recording.sensors[sensor].sensor).transpose()).collect();
         let along = MatrixXx3::from_rows(&along);
-        let svd = (along.transpose() * &along).symmetric_eigen();
-        let largest = svd.eigenvalues.max();
+        let eigen = (along.transpose() * &along).symmetric_eigen();
+        let largest = eigen.eigenvalues.max();
         let seen =
-            svd.eigenvalues.map(|value| f64::from(value > (RANK_TOLERANCE * RANK_TOLERANCE) * largest));
-        let axes = &along * svd.eigenvectors * Matrix3::from_diagonal(&seen);
+            eigen.eigenvalues.map(|value| f64::from(value > (RANK_TOLERANCE * RANK_TOLERANCE) * largest));
+        let axes = &along * eigen.eigenvectors * Matrix3::from_diagonal(&seen);
         let unseen = Matrix3::from_diagonal(&seen.map(|seen| 1.0 - seen));
         let step_s = recording.step_s;
         let nominal = |omega: f64| -> f64 {
@@ -238,14 +238,10 @@ fn spectra(
     nominal: &dyn Fn(f64) -> f64,
 ) -> Option<Vec<Band>> {
     let rows = recording.len();
-    let read = |sensor: usize, row: usize| {
-        let hidden = masked.get(sensor).and_then(|rows| rows.get(row)).is_some_and(|&hidden| hidden);
-        let series = &recording.sensors[sensor];
-        if hidden { f64::NAN } else { series.values[row] - series.sensor.nominal.bias }
-    };
+    let readings: Vec<Vec<f64>> = sensors.iter().map(|&sensor| of_input(recording, masked, sensor)).collect();
     // A hole of one is one of all: the motion across it is then bridged in the same way.
-    let present = |row: usize| sensors.iter().all(|&sensor| read(sensor, row).is_finite());
-    let present: Vec<bool> = (0..rows).map(present).collect();
+    let present: Vec<bool> =
+        (0..rows).map(|row| readings.iter().all(|values| values[row].is_finite())).collect();
     if (present.iter().filter(|&&present| present).count() as f64) < LEAST_PRESENT * rows as f64 {
         return None;
     }
@@ -254,8 +250,8 @@ fn spectra(
     let time_s: Vec<f64> = recording.elapsed_s().collect();
     let length = rows.next_power_of_two();
     let forward = RealFftPlanner::<f64>::new().plan_fft_forward(length);
-    let transform = |&sensor: &usize| -> Option<Vec<Complex<f64>>> {
-        let value = |row: usize| if present[row] { read(sensor, row) } else { f64::NAN };
+    let transform = |values: &Vec<f64>| -> Option<Vec<Complex<f64>>> {
+        let value = |row: usize| if present[row] { values[row] } else { f64::NAN };
         let values = bridged(&time_s, &(0..rows).map(value).collect::<Vec<f64>>())?;
         let mean = mean(&values);
         let mut padded = vec![0.0; length];
@@ -265,7 +261,7 @@ fn spectra(
         let mut transform = forward.make_output_vec();
         forward.process(&mut padded, &mut transform).ok().map(|()| transform)
     };
-    let transforms: Vec<Vec<Complex<f64>>> = sensors.iter().map(transform).collect::<Option<_>>()?;
+    let transforms: Vec<Vec<Complex<f64>>> = readings.iter().map(transform).collect::<Option<_>>()?;
     let independent = TAPERED * rows as f64 / length as f64;
     let of_bins = |bins: std::ops::RangeInclusive<usize>| {
         let number = bins.clone().count() as f64;

@@ -298,15 +298,9 @@ impl Model {
                 continue;
             }
             let rows = recording.len();
-            let own: Vec<Vec<f64>> = indices.iter().map(|&index| own_part(recording, index)).collect();
             let mut data = vec![0.0; parity.nrows() * rows];
-            for (column, (&index, own)) in indices.iter().zip(&own).enumerate() {
-                let series = &recording.sensors[index];
-                let scale = 1.0 + 1e-6 * series.sensor.nominal.scale_factor_ppm;
-                for row in 0..rows {
-                    let hidden =
-                        masked.get(index).and_then(|rows| rows.get(row)).is_some_and(|&hidden| hidden);
-                    let value = if hidden { f64::NAN } else { (series.values[row] - own[row]) / scale };
+            for (column, &index) in indices.iter().enumerate() {
+                for (row, value) in of_input(recording, masked, index).into_iter().enumerate() {
                     for channel in 0..parity.nrows() {
                         data[channel * rows + row] += parity[(channel, column)] * value;
                     }
@@ -402,6 +396,15 @@ impl Model {
         }
         self.blocks.push(Block { sensors, sources, channels, data, present, geometry, step_s: self.step_s });
     }
+}
+
+/// Readings of a sensor as its input, by what the user believes of the sensor; NaN where they are missing or masked.
+pub fn of_input(recording: &Recording, masked: &[Vec<bool>], index: usize) -> Vec<f64> {
+    let (series, own) = (&recording.sensors[index], own_part(recording, index));
+    let scale = 1.0 + 1e-6 * series.sensor.nominal.scale_factor_ppm;
+    let hidden = |row: usize| masked.get(index).and_then(|rows| rows.get(row)).is_some_and(|&hidden| hidden);
+    let readings = series.values.iter().zip(&own).enumerate();
+    readings.map(|(row, (value, own))| if hidden(row) { f64::NAN } else { (value - own) / scale }).collect()
 }
 
 /// What a sensor adds of itself: bias and the dependence on temperature.
