@@ -543,7 +543,8 @@ fn spikes(model: &Model, block: &Block, steps: &[f64], masked: &[Vec<bool>]) -> 
 }
 
 /// Spread of the distances of readings from the median of so many neighbours on each side, and those distances, in standard
-/// deviations of at least `floor`, of readings that neither go by steps nor repeat themselves as far as [`BELIEF`] goes; 0 where a reading does not stand off from both sides alike.
+/// deviations of at least `floor`, of readings that neither go by steps nor repeat themselves as far as [`BELIEF`] goes; 0 where a
+/// reading does not stand off from both sides alike.
 ///
 /// Distances of readings that go by a `step` are multiples of half of it. They are spread evenly over these: many equal ones would all
 /// stand off from the next level, and their median would be a level.
