@@ -35,10 +35,6 @@ const FEWEST_STAYS: usize = 3;
 const CLIPPED_RATIO: f64 = 4.0;
 /// Fewest different values of an output that may be clipped.
 const FEWEST_LEVELS: usize = 12;
-/// Part of the readings that equal the one before from which on they have no spread of their own.
-const STILL: f64 = 0.05;
-/// How many times the spread that readings show the one that the user believes in may be: with more their noise is another.
-const BELIEF: f64 = 1.8;
 /// A lattice matters if its step is at least this part of the white noise,
 pub const LEAST_STEP: f64 = 1.0;
 /// or if the noise of rounding, which is step²/12, is worth so many nats in a record of that length.
@@ -543,8 +539,7 @@ fn spikes(model: &Model, block: &Block, steps: &[f64], masked: &[Vec<bool>]) -> 
 }
 
 /// Spread of the distances of readings from the median of so many neighbours on each side, and those distances, in standard
-/// deviations of at least `floor`, of readings that neither go by steps nor repeat themselves as far as [`BELIEF`] goes; 0 where a
-/// reading does not stand off from both sides alike.
+/// deviations of at least `floor`; 0 where a reading does not stand off from both sides alike.
 ///
 /// Distances of readings that go by a `step` are multiples of half of it. They are spread evenly over these: many equal ones would all
 /// stand off from the next level, and their median would be a level.
@@ -567,10 +562,7 @@ fn standoffs(values: &[f64], neighbours: usize, step: f64, floor: f64) -> (f64, 
         let mut sizes: Vec<f64> = distances.iter().map(|distance| distance.abs()).collect();
         PER_MEDIAN * median(&mut sizes)
     };
-    let shown = spread(&distances);
-    let repeated = values.windows(2).filter(|pair| pair[0] == pair[1]).count() as f64;
-    let still = step > 0.0 || repeated > STILL * values.len() as f64;
-    let whole = shown.max(if still { floor } else { floor.min(BELIEF * shown) });
+    let whole = spread(&distances).max(floor);
     for (distances, alone) in distances.chunks_mut(ONE_SPREAD).zip(alone.chunks(ONE_SPREAD)) {
         // Of a few readings the spread is not known.
         let own = if distances.len() > ONE_SPREAD / 2 { spread(distances).max(whole) } else { whole };

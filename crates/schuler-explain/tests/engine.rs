@@ -872,20 +872,6 @@ fn rounding_that_the_noise_carries_hides_no_slow_noise() {
     }
 }
 
-#[test]
-fn spikes_stand_off_from_the_noise_that_is_there() {
-    for seed in 0..5 {
-        let mut random = Pcg64::seed_from_u64(173_000 + seed);
-        let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
-        let spike = |row: usize| if row % 397 == 200 { 3.0 } else { 0.0 };
-        // Fifteen standard deviations, and three of what is stated.
-        let values: Vec<f64> = (0..ROWS).map(|row| spike(row) + 0.2 * normal()).collect();
-        let mut seen = seen_at_rest(1.0, values);
-        seen.sort();
-        assert_eq!(seen, ["noise_outliers", "noise_white"]);
-    }
-}
-
 /// Steps that are missing for all sensors are gaps, whatever part of the record they are.
 #[test]
 fn redundant_sensors_are_compared_where_they_read() {
