@@ -333,7 +333,12 @@ fn prefer_radio(case: &Case<'_>, found: &mut [Alternative]) {
         case.candidates[other.candidate].effect.id == TIME_DELAY && late_s.is_some_and(|&late_s| late_s < 0.0)
     };
     let Some(inertial_first) = integrates(first) else { return };
-    if !compared || !OF_RADIO.contains(&first.effect.id) || !(inertial_first || is_early(best)) {
+    if !compared || !OF_RADIO.contains(&first.effect.id) {
+        return;
+    }
+    if !inertial_first && !is_early(best) {
+        // It leads as well where it shows no more than what was selected.
+        found[0].simpler = true;
         return;
     }
     let is_group = |candidate: &Candidate| matches!(candidate.target, Target::Group { .. });
