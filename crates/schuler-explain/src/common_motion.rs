@@ -12,16 +12,15 @@
 //! Ŝᵤ the spectrum of u: the right weights are those with which the mean has the least power. Where the motion is many times the noise
 //! this says nothing.
 use nalgebra::{Complex, DMatrix, Matrix3, Matrix3xX, MatrixXx3, Vector3};
-use realfft::RealFftPlanner;
 use schuler_recording::Recording;
 
-use crate::inputs::redundant::axis_of;
+use crate::inputs::redundant::{RANK_TOLERANCE, axis_of};
 use crate::inputs::series::{bridged, mean};
 use crate::minimise::simplex;
 use crate::noise::Noise;
-use crate::noise_fit::{SourceKnob, logs_of, with_logs};
-use crate::nominal::{Block, Source, of_input};
-use crate::spectrum::bands;
+use crate::noise_fit::{SourceKnob, logs_of, one_with_logs};
+use crate::nominal::{Block, Model, of_input};
+use crate::spectrum::{bands, transforms};
 
 /// First frequency that the taper keeps apart from the mean.
 const FIRST: usize = 3;
@@ -32,8 +31,6 @@ const WIDTH: f64 = 0.1;
 const TAPERED: f64 = 18.0 / 35.0;
 /// Part of the rows in which all sensors must have readings.
 const LEAST_PRESENT: f64 = 0.5;
-/// Singular values of the axes below this part of the largest are 0.
-const RANK_TOLERANCE: f64 = 1e-6;
 /// By how much the user's belief may be wrong, ln of a parameter, 1 σ.
 const BELIEF: f64 = 1.0;
 /// First side of the simplex, and the spread of its costs at which it ends.
@@ -73,10 +70,8 @@ struct Band {
 }
 
 /// A band as one sensor is seen beside the others.
-struct BesideOthers {
-    omega: f64,
-    weight: f64,
-    beside: f64,
+struct BesideOthers<'b> {
+    band: &'b Band,
     /// The mean of the others: its spectrum, and its gain P a for a unit of the innovation's power.
     mean: Matrix3<Complex<f64>>,
     gain: Vector3<f64>,
@@ -87,13 +82,15 @@ struct BesideOthers {
 }
 
 impl CommonMotion {
-    /// The sensors of a block, by their readings without those in `masked`; `None` where they are not redundant, or have too few in common.
-    pub fn of_block(
-        block: &Block,
-        sources: &[Source],
-        recording: &Recording,
-        masked: &[Vec<bool>],
-    ) -> Option<Self> {
+    /// The blocks of redundant sensors of a model, by their readings without those in `masked`; not those whose sensors have too few rows in
+    /// common.
+    pub fn of_model(model: &Model, recording: &Recording, masked: &[Vec<bool>]) -> Vec<Self> {
+        let redundant = model.blocks.iter().filter(|block| block.is_redundant());
+        redundant.filter_map(|block| Self::of_block(block, model, recording, masked)).collect()
+    }
+
+    fn of_block(block: &Block, model: &Model, recording: &Recording, masked: &[Vec<bool>]) -> Option<Self> {
+        let sources = &model.sources;
         let sensors: Vec<usize> = block.sources.iter().map(|&source| sources[source].sensor).collect();
         let along: Vec<_> =
             sensors.iter().map(|&sensor| axis_of(&recording.sensors[sensor].sensor).transpose()).collect();
@@ -139,27 +136,26 @@ impl CommonMotion {
     }
 
     /// Fits the noise of one sensor beside those of the others; what it gains.
-    fn fit_one(&self, place: usize, believed: &[Noise], noises: &mut Vec<Noise>) -> f64 {
+    fn fit_one(&self, place: usize, believed: &[Noise], noises: &mut [Noise]) -> f64 {
         let source = self.sources[place];
         let knobs: Vec<SourceKnob> = noises[source].knobs().into_iter().map(|knob| (source, knob)).collect();
-        let bands: Vec<BesideOthers> =
+        let bands: Vec<BesideOthers<'_>> =
             self.bands.iter().filter_map(|band| self.beside_others(place, noises, band)).collect();
         let (belief, start) = (logs_of(believed, &knobs), logs_of(noises, &knobs));
         let cost = |logs: &[f64]| {
-            let mut noise = noises[source].clone();
-            for (&(_, knob), log) in knobs.iter().zip(logs) {
-                noise.set(knob, log.exp());
-            }
+            let noise = one_with_logs(&noises[source], &knobs, logs);
             let away: f64 =
                 logs.iter().zip(&belief).map(|(log, belief)| ((log - belief) / BELIEF).powi(2)).sum();
-            let seen: f64 =
-                bands.iter().map(|band| band.log_likelihood(noise.spectrum(band.omega, self.step_s))).sum();
+            let seen: f64 = bands
+                .iter()
+                .map(|seen| seen.log_likelihood(noise.spectrum(seen.band.omega, self.step_s)))
+                .sum();
             0.5 * away - seen
         };
         let before = cost(&start);
         let (best, least) =
             simplex(&start, &vec![SIDE; knobs.len()], SPREAD, ITERATIONS * knobs.len() as u64, cost);
-        *noises = with_logs(noises, &knobs, &best);
+        noises[source] = one_with_logs(&noises[source], &knobs, &best);
         before - least
     }
 
@@ -194,7 +190,7 @@ impl CommonMotion {
         &weights * &band.estimate * weights.transpose() + self.unseen.map(Complex::from)
     }
 
-    fn beside_others(&self, place: usize, noises: &[Noise], band: &Band) -> Option<BesideOthers> {
+    fn beside_others<'b>(&self, place: usize, noises: &[Noise], band: &'b Band) -> Option<BesideOthers<'b>> {
         let powers = self.powers(noises, band.omega);
         let (weights, noise) = self.mean_of(&powers, Some(place))?;
         let axis = self.axes.row(place).transpose();
@@ -203,9 +199,7 @@ impl CommonMotion {
         let seen = &band.estimate * innovation.transpose().map(Complex::from);
         let gain = noise * axis;
         Some(BesideOthers {
-            omega: band.omega,
-            weight: band.weight,
-            beside: band.beside,
+            band,
             mean: self.spectrum_of(&weights, band),
             gain,
             power: innovation.iter().zip(&seen).map(|(weight, seen)| weight * seen.re).sum(),
@@ -215,7 +209,7 @@ impl CommonMotion {
     }
 }
 
-impl BesideOthers {
+impl BesideOthers<'_> {
     /// Log-likelihood of a power of the sensor's noise, up to a constant.
     fn log_likelihood(&self, noise: f64) -> f64 {
         let expected = self.expected + noise;
@@ -223,7 +217,7 @@ impl BesideOthers {
         let mixed = gain * self.with_mean.adjoint();
         let mean = self.mean + mixed + mixed.adjoint() + gain * gain.transpose() * Complex::from(self.power);
         let power = mean.determinant().re;
-        let sum = -self.weight * (expected.ln() + self.power / expected) - self.beside * power.ln();
+        let sum = -self.band.weight * (expected.ln() + self.power / expected) - self.band.beside * power.ln();
         if sum.is_finite() { sum } else { 0.0 }
     }
 }
@@ -249,19 +243,14 @@ fn spectra(
     let energy: f64 = (0..rows).filter(|&row| present[row]).map(|row| taper(row).powi(2)).sum();
     let time_s: Vec<f64> = recording.elapsed_s().collect();
     let length = rows.next_power_of_two();
-    let forward = RealFftPlanner::<f64>::new().plan_fft_forward(length);
-    let transform = |values: &Vec<f64>| -> Option<Vec<Complex<f64>>> {
+    let tapered = |values: &Vec<f64>| -> Option<Vec<f64>> {
         let value = |row: usize| if present[row] { values[row] } else { f64::NAN };
         let values = bridged(&time_s, &(0..rows).map(value).collect::<Vec<f64>>())?;
         let mean = mean(&values);
-        let mut padded = vec![0.0; length];
-        for (row, (padded, value)) in padded.iter_mut().zip(values.iter()).enumerate() {
-            *padded = taper(row) * (value - mean);
-        }
-        let mut transform = forward.make_output_vec();
-        forward.process(&mut padded, &mut transform).ok().map(|()| transform)
+        Some(values.iter().enumerate().map(|(row, value)| taper(row) * (value - mean)).collect())
     };
-    let transforms: Vec<Vec<Complex<f64>>> = readings.iter().map(transform).collect::<Option<_>>()?;
+    let tapered: Vec<Vec<f64>> = readings.iter().map(tapered).collect::<Option<_>>()?;
+    let transforms = transforms(rows, tapered.iter().map(Vec::as_slice))?;
     let independent = TAPERED * rows as f64 / length as f64;
     let of_bins = |bins: std::ops::RangeInclusive<usize>| {
         let number = bins.clone().count() as f64;

@@ -9,6 +9,7 @@ use crate::budget::Budget;
 use crate::catalogue::{
     CATALOGUE, Candidate, Effect, Port, ReadingFault, Search, Target, share_equal_series,
 };
+use crate::common_motion::CommonMotion;
 use crate::description::{Delays, Term, project, sensors_of};
 use crate::equivalence::{Alternative, alternatives, class, target_name};
 use crate::evidence::CaseArrays;
@@ -185,6 +186,7 @@ fn explained<S>(
     } else {
         Model::new(recording, &faults.masked).map_err(Error::NothingToCompare)?
     };
+    model.common_motions = CommonMotion::of_model(&model, recording, &faults.masked);
     account_for_lattices(&mut model, recording, &of_angle);
     candidates.retain(|candidate| acts(&model, candidate) && !is_spoilt(candidate, &faults.found, recording));
     let nuisances = estimate_unknown(&mut model);

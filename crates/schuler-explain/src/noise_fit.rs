@@ -139,11 +139,16 @@ pub fn whittle_jointly(
 /// Whittle's log-likelihood with the logarithms of `knobs`, all of one source.
 fn one_source_likelihood(one: &OneSource, noises: &[Noise], knobs: &[SourceKnob], logs: &[f64]) -> f64 {
     let Some(&(source, _)) = knobs.first() else { return f64::NEG_INFINITY };
-    let mut noise = noises[source].clone();
+    one.log_likelihood(&one_with_logs(&noises[source], knobs, logs))
+}
+
+/// The noise of a source with the logarithms of the given parameters, all its own.
+pub fn one_with_logs(noise: &Noise, knobs: &[SourceKnob], logs: &[f64]) -> Noise {
+    let mut noise = noise.clone();
     for (&(_, knob), log) in knobs.iter().zip(logs) {
         noise.set(knob, log.exp());
     }
-    one.log_likelihood(&noise)
+    noise
 }
 
 /// Where Newton's steps on Whittle's likelihood lead from some logarithms of `knobs`, and what it gains there; `None` where the

@@ -104,7 +104,7 @@ pub struct Model {
     pub sources: Vec<Source>,
     /// The blocks.
     pub blocks: Vec<Block>,
-    /// Redundant sensors, seen beside the motion that they have in common.
+    /// Redundant sensors, seen beside the motion that they have in common, where the search asks for them.
     pub common_motions: Vec<CommonMotion>,
     /// Constants that are fitted and are never a finding.
     pub constants: Vec<Column>,
@@ -136,11 +136,7 @@ impl Model {
         };
         match recording.case.motion.kind {
             MotionKind::Static | MotionKind::Recorded => model.add_known(recording, masked),
-            MotionKind::Unknown => {
-                model.add_redundant(recording, masked);
-                let of_block = |block| CommonMotion::of_block(block, &model.sources, recording, masked);
-                model.common_motions = model.blocks.iter().filter_map(of_block).collect();
-            }
+            MotionKind::Unknown => model.add_redundant(recording, masked),
             MotionKind::VelocityError => model.add_loop(recording, masked),
         }
         if model.blocks.is_empty() {
@@ -251,9 +247,11 @@ impl Model {
             let scale = 1.0 + 1e-6 * sensor.nominal.scale_factor_ppm;
             let data: Vec<f64> = (series.values.iter().zip(&own).enumerate())
                 .map(|(row, (value, own))| {
-                    let hidden =
-                        masked.get(index).and_then(|rows| rows.get(row)).is_some_and(|&hidden| hidden);
-                    if hidden { f64::NAN } else { value - scale * prediction.at(row) - own }
+                    if is_masked(masked, index, row) {
+                        f64::NAN
+                    } else {
+                        value - scale * prediction.at(row) - own
+                    }
                 })
                 .collect();
             let source = self.add_source(recording, index);
@@ -326,10 +324,7 @@ impl Model {
         let series = &recording.sensors[index];
         let own = own_part(recording, index);
         let data: Vec<f64> = (series.values.iter().zip(&own).enumerate())
-            .map(|(row, (value, own))| {
-                let hidden = masked.get(index).and_then(|rows| rows.get(row)).is_some_and(|&hidden| hidden);
-                if hidden { f64::NAN } else { value - own }
-            })
+            .map(|(row, (value, own))| if is_masked(masked, index, row) { f64::NAN } else { value - own })
             .collect();
         let given = recording.case.schuler_loop.unwrap_or_default();
         let mut nominal = Noise::nominal(&series.sensor.nominal, series.sensor.quantisation);
@@ -398,13 +393,22 @@ impl Model {
     }
 }
 
+fn is_masked(masked: &[Vec<bool>], sensor: usize, row: usize) -> bool {
+    masked.get(sensor).and_then(|rows| rows.get(row)).is_some_and(|&masked| masked)
+}
+
 /// Readings of a sensor as its input, by what the user believes of the sensor; NaN where they are missing or masked.
 pub fn of_input(recording: &Recording, masked: &[Vec<bool>], index: usize) -> Vec<f64> {
     let (series, own) = (&recording.sensors[index], own_part(recording, index));
     let scale = 1.0 + 1e-6 * series.sensor.nominal.scale_factor_ppm;
-    let hidden = |row: usize| masked.get(index).and_then(|rows| rows.get(row)).is_some_and(|&hidden| hidden);
     let readings = series.values.iter().zip(&own).enumerate();
-    readings.map(|(row, (value, own))| if hidden(row) { f64::NAN } else { (value - own) / scale }).collect()
+    readings
+        .map(
+            |(row, (value, own))| {
+                if is_masked(masked, index, row) { f64::NAN } else { (value - own) / scale }
+            },
+        )
+        .collect()
 }
 
 /// What a sensor adds of itself: bias and the dependence on temperature.
@@ -457,6 +461,11 @@ impl SchulerStep {
 }
 
 impl Block {
+    /// Whether its channels are parities of several sensors.
+    pub fn is_redundant(&self) -> bool {
+        matches!(self.geometry, Geometry::Parity(_))
+    }
+
     /// Number of rows.
     pub fn rows(&self) -> usize {
         self.present.len()

@@ -63,6 +63,22 @@ struct Band {
     transfer: Vec<Vec<Complex<f64>>>,
 }
 
+/// Transforms of series of so many rows, which zeros fill up to a power of two.
+pub fn transforms<'v>(
+    rows: usize,
+    series: impl Iterator<Item = &'v [f64]>,
+) -> Option<Vec<Vec<Complex<f64>>>> {
+    let length = rows.next_power_of_two();
+    let forward = RealFftPlanner::<f64>::new().plan_fft_forward(length);
+    let transform = |values: &[f64]| {
+        let mut padded = vec![0.0; length];
+        padded[..rows].copy_from_slice(values);
+        let mut transform = forward.make_output_vec();
+        forward.process(&mut padded, &mut transform).ok().map(|()| transform)
+    };
+    series.map(transform).collect()
+}
+
 /// Bins of the bands of a transform of real numbers, from one on up to the highest frequency: at least so many, and so many that a band is
 /// as wide as this part of its frequency.
 pub fn bands(
@@ -87,17 +103,9 @@ impl Spectrum {
     pub fn new(block: &Block, filter: &Filter, noises: &[Noise], whitened: &[f64]) -> Self {
         let (rows, channels) = (block.rows(), block.channels);
         let length = rows.next_power_of_two();
-        let forward = RealFftPlanner::<f64>::new().plan_fft_forward(length);
-        let mut transforms = Vec::with_capacity(channels);
-        for channel in 0..channels {
-            let mut padded = vec![0.0; length];
-            padded[..rows].copy_from_slice(&whitened[channel * rows..(channel + 1) * rows]);
-            let mut transform = forward.make_output_vec();
-            if forward.process(&mut padded, &mut transform).is_err() {
-                return Self { bands: Vec::new() };
-            }
-            transforms.push(transform);
-        }
+        let Some(transforms) = transforms(rows, whitened.chunks_exact(rows.max(1)).take(channels)) else {
+            return Self { bands: Vec::new() };
+        };
         let present = block.count().max(1) as f64;
         let independent = rows as f64 / length as f64;
         let space = block.space(noises);

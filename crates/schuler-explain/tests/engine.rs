@@ -10,6 +10,7 @@ use schuler_explain::catalogue::{
     Amplitude, CATALOGUE, Candidate, Column, Effect, NoiseChange, Nonlinear, OnsetShape, Port, ReadingFault,
     Search, Signature, Target,
 };
+use schuler_explain::common_motion::CommonMotion;
 use schuler_explain::description::Term;
 use schuler_explain::explain::{Error, Options, explain, explain_with};
 use schuler_explain::explanation::{Explanation, Verdict};
@@ -804,7 +805,7 @@ fn readings_tell_the_noise_of_each_of_four_sensors() {
     });
     let recording = common::recording(MotionKind::Unknown, sensors.collect());
     let model = Model::new(&recording, &[]).unwrap();
-    let [common] = &model.common_motions[..] else { panic!("one block of four") };
+    let [common] = &CommonMotion::of_model(&model, &recording, &[])[..] else { panic!("one block of four") };
     for (noise, white) in common.fitted(&model.nominal_noises()).iter().zip(TRUE) {
         let part = noise.white / white;
         // The quietest is known to a sixth only: what the others tell of the motion is louder.

@@ -101,11 +101,7 @@ pub(super) const SCALE_FACTOR_CUBIC: Effect = Effect {
     acts_on: any,
     candidates: |effect, inputs| {
         of_input(effect, inputs, amplitude_varies, |place, input| {
-            let per = match place.kind.dimension() {
-                Dimension::AngularRate => RATE_CUBED,
-                Dimension::Acceleration => G_CUBED,
-                Dimension::Velocity => VELOCITY_CUBED,
-            };
+            let per = of_kind(place, [RATE_CUBED, G_CUBED, VELOCITY_CUBED]);
             (map(input, |u| u * u * u), coefficient(place, per, Plausible::accelerometer([0.1, 10.0])))
         })
     },
@@ -278,10 +274,15 @@ fn amplitude_varies(input: &[f64]) -> bool {
 }
 
 fn squared(place: &Place) -> Per {
+    of_kind(place, [RATE_SQUARED, G_SQUARED, VELOCITY_SQUARED])
+}
+
+/// The one of the three that is for the place's rate, specific force or velocity.
+fn of_kind(place: &Place, [rate, force, velocity]: [Per; 3]) -> Per {
     match place.kind.dimension() {
-        Dimension::AngularRate => RATE_SQUARED,
-        Dimension::Acceleration => G_SQUARED,
-        Dimension::Velocity => VELOCITY_SQUARED,
+        Dimension::AngularRate => rate,
+        Dimension::Acceleration => force,
+        Dimension::Velocity => velocity,
     }
 }
 

@@ -22,6 +22,7 @@ use schuler_recording::unit::Dimension;
 use super::series::range;
 use super::smoother::{Measurement, process_noise, smooth};
 use crate::catalogue::Port;
+use crate::common_motion::CommonMotion;
 use crate::noise::Noise;
 use crate::nominal::{Block, Model};
 use crate::readings::faults;
@@ -29,7 +30,7 @@ use crate::state::{Bench, Case, Whitened};
 use crate::watch::Unwatched;
 
 /// Singular values below this part of the largest are 0.
-const RANK_TOLERANCE: f64 = 1e-6;
+pub const RANK_TOLERANCE: f64 = 1e-6;
 
 /// What is known of the noise of a sensor.
 pub struct KnownNoise {
@@ -43,9 +44,10 @@ pub struct KnownNoise {
 /// that nothing checks there is nothing.
 pub fn noise_told(recording: &Recording) -> Vec<KnownNoise> {
     let Ok(model) = Model::new(recording, &[]) else { return Vec::new() };
-    let Ok(model) = Model::new(recording, &faults(recording, &model).masked) else { return Vec::new() };
-    let noises =
-        model.common_motions.iter().fold(model.nominal_noises(), |noises, common| common.fitted(&noises));
+    let masked = faults(recording, &model).masked;
+    let Ok(model) = Model::new(recording, &masked) else { return Vec::new() };
+    let motions = CommonMotion::of_model(&model, recording, &masked);
+    let noises = motions.iter().fold(model.nominal_noises(), |noises, motion| motion.fitted(&noises));
     let case = Case::new(&model, &[], &model.time_s, &Unwatched);
     let bench = Bench::new(&case, &[], &noises);
     let of_block = |(block, whitened): (&Block, &Option<Arc<Whitened>>)| -> Vec<KnownNoise> {
