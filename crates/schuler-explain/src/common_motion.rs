@@ -250,7 +250,7 @@ fn spectra(
         Some(values.iter().enumerate().map(|(row, value)| taper(row) * (value - mean)).collect())
     };
     let tapered: Vec<Vec<f64>> = readings.iter().map(tapered).collect::<Option<_>>()?;
-    let transforms = transforms(rows, tapered.iter().map(Vec::as_slice))?;
+    let transforms = transforms(rows, tapered.iter().map(Vec::as_slice));
     let independent = TAPERED * rows as f64 / length as f64;
     let of_bins = |bins: std::ops::RangeInclusive<usize>| {
         let number = bins.clone().count() as f64;

@@ -10,7 +10,7 @@
 use std::sync::OnceLock;
 
 use nalgebra::{Complex, DMatrix, DVector};
-use realfft::RealFftPlanner;
+use schuler_fourier::Forward;
 
 use crate::catalogue::{Column, OnsetShape, Port};
 use crate::least_squares::{dot, solve};
@@ -190,12 +190,9 @@ impl<'b> Scanner<'b> {
         let rows = self.block.rows();
         let count = self.block.count();
         let step_s = self.block.step_s();
-        let mut padded = self.block.back_project(&self.scores, sensor, port)?;
         let length = (2 * rows).next_power_of_two();
-        padded.resize(length, 0.0);
-        let forward = RealFftPlanner::<f64>::new().plan_fft_forward(length);
-        let mut transform = forward.make_output_vec();
-        forward.process(&mut padded, &mut transform).ok()?;
+        let transform =
+            Forward::new(length).transform(self.block.back_project(&self.scores, sensor, port)?);
         // Where the sensor enters as a source.
         let place = match port {
             Port::Output => self.block.sensors.iter().position(|&own| own == sensor)?,

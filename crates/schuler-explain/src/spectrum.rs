@@ -6,7 +6,7 @@
 use std::ops::RangeInclusive;
 
 use nalgebra::{Complex, DMatrix, DVector, DVectorView};
-use realfft::RealFftPlanner;
+use schuler_fourier::Forward;
 
 use crate::noise::{Knob, Noise};
 use crate::nominal::Block;
@@ -64,19 +64,9 @@ struct Band {
 }
 
 /// Transforms of series of so many rows, which zeros fill up to a power of two.
-pub fn transforms<'v>(
-    rows: usize,
-    series: impl Iterator<Item = &'v [f64]>,
-) -> Option<Vec<Vec<Complex<f64>>>> {
-    let length = rows.next_power_of_two();
-    let forward = RealFftPlanner::<f64>::new().plan_fft_forward(length);
-    let transform = |values: &[f64]| {
-        let mut padded = vec![0.0; length];
-        padded[..rows].copy_from_slice(values);
-        let mut transform = forward.make_output_vec();
-        forward.process(&mut padded, &mut transform).ok().map(|()| transform)
-    };
-    series.map(transform).collect()
+pub fn transforms<'v>(rows: usize, series: impl Iterator<Item = &'v [f64]>) -> Vec<Vec<Complex<f64>>> {
+    let forward = Forward::new(rows.next_power_of_two());
+    series.map(|values| forward.transform(values.iter().copied())).collect()
 }
 
 /// Bins of the bands of a transform of real numbers, from one on up to the highest frequency: at least so many, and so many that a band is
@@ -103,9 +93,7 @@ impl Spectrum {
     pub fn new(block: &Block, filter: &Filter, noises: &[Noise], whitened: &[f64]) -> Self {
         let (rows, channels) = (block.rows(), block.channels);
         let length = rows.next_power_of_two();
-        let Some(transforms) = transforms(rows, whitened.chunks_exact(rows.max(1)).take(channels)) else {
-            return Self { bands: Vec::new() };
-        };
+        let transforms = transforms(rows, whitened.chunks_exact(rows.max(1)).take(channels));
         let present = block.count().max(1) as f64;
         let independent = rows as f64 / length as f64;
         let space = block.space(noises);

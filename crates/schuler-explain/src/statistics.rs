@@ -7,7 +7,7 @@
 //! | [`maxima_per_place`] | maxima of a process whose correlation falls as any power (Pickands, Trans. AMS 145, 1969) |
 //! | [`ln_frequency_scan_tail`] | maximum of a periodogram over all frequencies (Baluev, MNRAS 385, 2008) |
 //! | [`ljung_box`] | Ljung & Box, 1978 |
-use realfft::RealFftPlanner;
+use schuler_fourier::{Forward, Inverse};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use statrs::function::erf::erfc;
 use statrs::function::gamma::ln_gamma;
@@ -137,28 +137,15 @@ pub fn ln_frequency_scan_tail(gain: f64, count: usize) -> f64 {
 }
 
 /// Σ x_i x_{i−j} over the pairs in which both values are there (NaN = missing), for lags j = 0 … `lags`; by the fast
-/// Fourier transform, with a rounding of 10⁻¹⁵ of the first. NaN where a transform fails, which it does only for buffers
-/// that it has not made itself.
+/// Fourier transform, with a rounding of 10⁻¹⁵ of the first.
 pub fn lagged_products(values: &[f64], lags: usize) -> Vec<f64> {
     let length = (values.len() + lags + 1).next_power_of_two();
-    let mut planner = RealFftPlanner::<f64>::new();
-    let (forward, inverse) = (planner.plan_fft_forward(length), planner.plan_fft_inverse(length));
-    let mut signal = forward.make_input_vec();
-    for (slot, value) in signal.iter_mut().zip(values) {
-        *slot = if value.is_finite() { *value } else { 0.0 };
-    }
-    let mut spectrum = forward.make_output_vec();
-    if forward.process(&mut signal, &mut spectrum).is_err() {
-        return vec![f64::NAN; lags + 1];
-    }
-    for bin in &mut spectrum {
-        *bin = (bin.norm_sqr() / length as f64).into();
-    }
-    if inverse.process(&mut spectrum, &mut signal).is_err() {
-        return vec![f64::NAN; lags + 1];
-    }
-    signal.truncate(lags + 1);
-    signal
+    let there = values.iter().map(|&value| if value.is_finite() { value } else { 0.0 });
+    let spectrum = Forward::new(length).transform(there);
+    let powers = spectrum.iter().map(|bin| (bin.norm_sqr() / length as f64).into());
+    let mut products = Inverse::new(length).transform(powers);
+    products.truncate(lags + 1);
+    products
 }
 
 /// The number of pairs behind each of [`lagged_products`].

@@ -1,5 +1,5 @@
 //! What a fitted model says the autocorrelation and the Allan variance are, to be drawn over the measured ones.
-use realfft::num_complex::Complex;
+use schuler_fourier::Complex;
 
 use super::likelihood::{Correlated, Fit, Parameters};
 

@@ -14,8 +14,7 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
-use realfft::RealFftPlanner;
-use realfft::num_complex::Complex;
+use schuler_fourier::{Complex, Inverse};
 
 use super::allan::{AllanPoint, allan_variances};
 
@@ -245,22 +244,16 @@ pub(super) fn simulate(squares: &Squares, count: usize, step_s: f64, random: &mu
 fn simulate_flicker(count: usize, random: &mut Pcg64) -> Vec<f64> {
     // Twice as long as needed, so that the ends of the period do not meet in the series.
     let length = (2 * count.max(2)).next_power_of_two();
-    let inverse = RealFftPlanner::<f64>::new().plan_fft_inverse(length);
-    let mut spectrum = inverse.make_input_vec();
-    let last = spectrum.len() - 1;
-    for (bin, value) in spectrum.iter_mut().enumerate() {
+    let last = length / 2;
+    let spectrum = (0..=last).map(|bin| {
         let mut normal = || -> f64 { StandardNormal.sample(random) };
         // The variance of a bin is S(f) · length/Δ, with f = bin/(length Δ); the inverse transform divides by length.
         let amplitude = if bin == 0 { 0.0 } else { (1.0 / (4.0 * PI * bin as f64)).sqrt() };
         let imaginary = if bin == 0 || bin == last { 0.0 } else { normal() };
-        *value = Complex::new(normal(), imaginary) * amplitude;
-    }
-    let mut series = inverse.make_output_vec();
-    match inverse.process(&mut spectrum, &mut series) {
-        Ok(()) => series.truncate(count),
-        // Fails only for buffers of a wrong length, and these are made by the plan itself.
-        Err(_) => series.clear(),
-    }
+        Complex::new(normal(), imaginary) * amplitude
+    });
+    let mut series = Inverse::new(length).transform(spectrum);
+    series.truncate(count);
     series
 }
 

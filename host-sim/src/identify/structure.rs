@@ -4,9 +4,8 @@
 //! part is added in turn, found by a coarse scan and by the published read-out; the best stays as long as Schwarz's
 //! criterion improves. The mean is taken out of the series; a straight line is, where its slope is three of its
 //! standard deviations under the model chosen without it.
-use realfft::RealFftPlanner;
-use realfft::num_complex::Complex;
 use schuler_core::identification::Structure as PublishedStructure;
+use schuler_fourier::{Complex, Forward};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::autocorrelation::{Centre, autocorrelation};
@@ -169,14 +168,8 @@ fn scan_cosine(values: &[f64], found: &Fit) -> Vec<Parameters> {
 /// Angle per value at which the periodogram of `values` (NaN = missing) is largest.
 fn strongest_angle(values: &[f64]) -> f64 {
     let length = values.len().max(2).next_power_of_two();
-    let transform = RealFftPlanner::<f64>::new().plan_fft_forward(length);
-    let mut signal = transform.make_input_vec();
-    for (slot, value) in signal.iter_mut().zip(values) {
-        *slot = if value.is_finite() { *value } else { 0.0 };
-    }
-    let mut spectrum = transform.make_output_vec();
-    // Fails only for buffers of a wrong length, and these are made by the plan itself; then all bins are zero.
-    let _ = transform.process(&mut signal, &mut spectrum);
+    let there = values.iter().map(|&value| if value.is_finite() { value } else { 0.0 });
+    let spectrum = Forward::new(length).transform(there);
     let powers = spectrum.iter().map(Complex::norm_sqr).enumerate().skip(1);
     let strongest = powers.max_by(|a, b| a.1.total_cmp(&b.1)).map_or(1, |(bin, _)| bin);
     std::f64::consts::TAU * strongest as f64 / length as f64

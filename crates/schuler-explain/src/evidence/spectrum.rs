@@ -3,7 +3,7 @@
 //! One periodogram of the whole record, so that no low frequency is lost, then the mean over each band: where m
 //! frequencies fall into it, white noise gives χ² with 2m degrees of freedom. Holes are zeros, and the power is that of
 //! what is there; for white noise this is exact.
-use realfft::RealFftPlanner;
+use schuler_fourier::Forward;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::mean;
@@ -85,21 +85,16 @@ fn bands(values: &[f64], step_s: f64, mean: f64, window: impl Fn(f64) -> f64) ->
     if super::present(values).count() < LEAST {
         return Vec::new();
     }
-    let forward = RealFftPlanner::<f64>::new().plan_fft_forward(length);
-    let mut signal = forward.make_input_vec();
     let mut weight = 0.0;
-    for (k, (slot, value)) in signal.iter_mut().zip(values).enumerate() {
-        if value.is_finite() {
-            let factor = window((k as f64 + 0.5) / length as f64);
-            *slot = factor * (value - mean);
-            weight += factor * factor;
+    let windowed = values.iter().enumerate().map(|(k, value)| {
+        if !value.is_finite() {
+            return 0.0;
         }
-    }
-    let mut spectrum = forward.make_output_vec();
-    // The transform fails only for buffers of another length than it has made itself.
-    if forward.process(&mut signal, &mut spectrum).is_err() {
-        return Vec::new();
-    }
+        let factor = window((k as f64 + 0.5) / length as f64);
+        weight += factor * factor;
+        factor * (value - mean)
+    });
+    let spectrum = Forward::new(length).transform(windowed);
     let resolution = 1.0 / (length as f64 * step_s);
     // Without the mean, and without the highest frequency of an even length, which has one degree of freedom.
     let powers: Vec<(usize, f64)> = (spectrum.iter().enumerate().skip(1))
