@@ -505,11 +505,12 @@ fn forward<'c>(
                 None => proposals.push(proposal),
             }
         }
-        proposals.retain(|proposal| way != Way::Without(proposal.term.candidate));
+        let wanted = |candidate: usize| way != Way::Without(candidate);
+        proposals.retain(|proposal| wanted(proposal.term.candidate));
         proposals.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         let mut chosen = None;
         if terms_only {
-            chosen = choose(case, &state, &bench, family, proposals, &[], ln_level);
+            chosen = choose(case, &state, &bench, family, (proposals, &[], &wanted), ln_level);
             terms_only = chosen.is_some() && state.terms.len() < most_terms_first;
             if way == Way::TermsThenAllNoise && !terms_only && state.changes.is_empty() {
                 for block in several_sources(case.model) {
@@ -525,11 +526,10 @@ fn forward<'c>(
             noises.retain(|(_, fit)| {
                 !unfitted.iter().any(|&block| case.model.blocks[block].sources.contains(&fit.source))
             });
-            noises
-                .extend(bench.noise_changes(&state, &unfitted, &|candidate| way != Way::Without(candidate)));
+            noises.extend(bench.noise_changes(&state, &unfitted, &wanted));
             noises.sort_by(|a, b| a.1.ln_p.total_cmp(&b.1.ln_p));
             unfitted.clear();
-            chosen = choose(case, &state, &bench, family, proposals, &noises, ln_level);
+            chosen = choose(case, &state, &bench, family, (proposals, &noises, &wanted), ln_level);
         }
         let Some(chosen) = chosen else { break };
         let (mut next, mut next_prices) = (state.clone(), prices.clone());
@@ -750,14 +750,16 @@ fn changed_blocks(model: &Model, a: &State, b: &State) -> Vec<usize> {
     blocks
 }
 
+/// Terms and changes of noise by their evidence, and which candidates may be taken.
+type Ways<'w> = (&'w [Proposal], &'w [(usize, ChangeFit)], &'w (dyn Fn(usize) -> bool + Sync));
+
 /// The way on with the most evidence, if it is significant.
 fn choose(
     case: &Case<'_>,
     state: &State,
     bench: &Bench<'_>,
     family: &Family,
-    proposals: &[Proposal],
-    noises: &[(usize, ChangeFit)],
+    (proposals, noises, wanted): Ways<'_>,
     ln_level: f64,
 ) -> Option<Move> {
     let ln_p_of =
@@ -790,7 +792,7 @@ fn choose(
         let mut noisy = state.clone();
         add_change(&mut noisy, candidate, fit.clone());
         let (noisy, noisy_bench) = refitted(case, &noisy, Some(&[index]));
-        let touched = |candidate: usize| touches(case, candidate, &[index]);
+        let touched = |candidate: usize| wanted(candidate) && touches(case, candidate, &[index]);
         let judge = |proposal: &Proposal| {
             let mut both = noisy.clone();
             both.terms.push(proposal.term.clone());
