@@ -24,8 +24,8 @@ const MOST_DELAY_S: [f64; 2] = [2.0, 10.0];
 const PER_DECADE: f64 = 3.0;
 /// How far beyond an end of the record an input goes straight on, steps.
 const STRAIGHT_ON_STEPS: f64 = 2.0;
-/// Largest lag of inertial sensors and of velocities.
-const MOST_LAG_S: [f64; 2] = [0.6, 2.0];
+/// Largest lag: what is plausible ends at 0.6 s, but a search that ended there would call a longer one a delay.
+const MOST_LAG_S: f64 = 2.0;
 
 pub(super) const TIME_DELAY: Effect = Effect {
     id: "time_delay",
@@ -101,10 +101,8 @@ pub(super) const BANDWIDTH_LAG: Effect = Effect {
     source: "IEEE Std 528, frequency response",
     acts_on: any,
     candidates: |effect, inputs| {
-        let parameter = |place: &Place| {
-            let most = MOST_LAG_S[usize::from(place.dimension() == Dimension::Velocity)];
-            Nonlinear { name: "tau_s", unit: "s", grid: searched(inputs, place, most) }
-        };
+        let parameter =
+            |place: &Place| Nonlinear { name: "tau_s", unit: "s", grid: searched(inputs, place, MOST_LAG_S) };
         let signature = |time_s: &[f64], input: &[f64], tau_s: f64| -> Vec<f64> {
             lagged_smooth(time_s, input, tau_s).iter().zip(input).map(|(lagged, now)| lagged - now).collect()
         };

@@ -12,10 +12,8 @@ use super::{Candidate, Effect, Nonlinear};
 use crate::inputs::series::{lagged, map, mean, play_branch, product, range, varies};
 use crate::inputs::{Inputs, Place, Series, Thermometer};
 
-/// Range of temperature that a square needs, K: of instruments, and of micromechanical sensors.
-const RANGE_FOR_SQUARE: [f64; 2] = [5.0, 2.0];
-/// Range that a cube needs: where a square is offered a cube may look the same, and must not be passed over.
-const RANGE_FOR_CUBE: [f64; 2] = [5.0, 2.0];
+/// Range of temperature that a square and a cube need, K: less than it takes to be large, as what is there to be told shows.
+const RANGE_FOR_POWERS: f64 = 2.0;
 /// How far beyond the range an unknown reference of a square is searched, in ranges.
 const REFERENCE_BEYOND: f64 = 0.75;
 /// Points of that search.
@@ -62,7 +60,7 @@ pub(super) const BIAS_TEMPERATURE_SQ: Effect = Effect {
     candidates: |effect, inputs| {
         let plausible = Plausible { gyro: Some([1e-4, 1e-3]), ..Plausible::UNKNOWN };
         per_thermometer(effect, inputs, |place, thermometer| {
-            if range(&thermometer.temperature) < RANGE_FOR_SQUARE[usize::from(place.micromechanical)] {
+            if range(&thermometer.temperature) < RANGE_FOR_POWERS {
                 return Vec::new();
             }
             power(inputs, place, thermometer, 2, coefficient(place, KELVIN_SQUARED, plausible))
@@ -80,7 +78,7 @@ pub(super) const BIAS_TEMPERATURE_CUBIC: Effect = Effect {
     acts_on: any,
     candidates: |effect, inputs| {
         per_thermometer(effect, inputs, |place, thermometer| {
-            if range(&thermometer.temperature) < RANGE_FOR_CUBE[usize::from(place.micromechanical)] {
+            if range(&thermometer.temperature) < RANGE_FOR_POWERS {
                 return Vec::new();
             }
             power(inputs, place, thermometer, 3, coefficient(place, KELVIN_CUBED, Plausible::UNKNOWN))
