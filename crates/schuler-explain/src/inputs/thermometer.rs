@@ -14,9 +14,10 @@ use super::smoother::{Measurement, Smoothed, negative_log_likelihood, process_no
 /// Part of rows in which the level changes beyond which readings are taken one by one: noise of 0.25 steps makes
 /// so many, and where the temperature itself does, the errors of its steps are as good as white.
 const CHANGES_PER_ROW: f64 = 0.28;
-/// Changes to and fro across one threshold, each within this time of the one before, are one crossing, s.
+/// Changes to and fro across one threshold, each within this time of the one before, are one crossing, s, for as long as a reading that
+/// stays counts once.
 const CLUSTER_S: f64 = 120.0;
-/// A reading that stays counts every so often, s.
+/// A reading that stays counts every so often, s, and as often as what the temperature does elsewhere would take it off its step.
 const HOLD_S: f64 = 900.0;
 /// Standard deviations of a threshold's crossing that are tried, in steps.
 const CROSSING_SIGMA: [f64; 4] = [0.01, 0.03, 0.1, 0.25];
@@ -180,15 +181,23 @@ fn estimate(time_s: &[f64], readings: &[f64], step: f64, by_its_steps: bool) -> 
     let scale = span.max(step);
     let changes = values.windows(2).filter(|pair| pair[0] != pair[1]).count() as f64;
     if by_its_steps {
-        let (measurements, process) = CROSSING_SIGMA
-            .iter()
-            .map(|sigma| {
-                let measurements = crossings(time_s, readings, &rows, step, sigma * step);
-                let (process, cost) = process_noise(time_s, &measurements, scale);
-                (measurements, process, cost)
-            })
-            .min_by(|a, b| a.2.total_cmp(&b.2))
-            .map(|(measurements, process, _)| (measurements, process))?;
+        let with = |hold_s: f64| {
+            CROSSING_SIGMA
+                .iter()
+                .map(|sigma| {
+                    let measurements = crossings(time_s, readings, &rows, step, sigma * step, hold_s);
+                    let (process, cost) = process_noise(time_s, &measurements, scale);
+                    (measurements, process, cost)
+                })
+                .min_by(|a, b| a.2.total_cmp(&b.2))
+                .map(|(measurements, process, _)| (measurements, process))
+        };
+        let (mut measurements, mut process) = with(HOLD_S)?;
+        // The variance of a temperature whose rate is a random walk grows by process · t³/3.
+        let off_step_s = (3.0 * step * step / process).cbrt();
+        if off_step_s < HOLD_S {
+            (measurements, process) = with(off_step_s)?;
+        }
         return Some(smooth(time_s, &measurements, process, scale));
     }
     let rows =
@@ -205,8 +214,15 @@ fn fresh(readings: &[f64], rows: &[usize]) -> Vec<usize> {
     rows.first().copied().into_iter().chain(changed).collect()
 }
 
-/// Thresholds crossed, and readings that stay.
-fn crossings(time_s: &[f64], readings: &[f64], rows: &[usize], step: f64, sigma: f64) -> Vec<Measurement> {
+/// Thresholds crossed, and readings that stay for so long.
+fn crossings(
+    time_s: &[f64],
+    readings: &[f64],
+    rows: &[usize],
+    step: f64,
+    sigma: f64,
+    hold_s: f64,
+) -> Vec<Measurement> {
     let mut measurements = Vec::new();
     let held =
         |row: usize| Measurement { row, before_s: 0.0, value: readings[row], variance: step * step / 12.0 };
@@ -225,7 +241,8 @@ fn crossings(time_s: &[f64], readings: &[f64], rows: &[usize], step: f64, sigma:
         let mut end = next + 1;
         while let Some(&(from, to)) = changes.get(end) {
             let same = readings[to] == old || readings[to] == new;
-            if !same || time_s[to] - time_s[changes[end - 1].1] > CLUSTER_S {
+            let long = time_s[to] - time_s[before] > hold_s;
+            if !same || long || time_s[to] - time_s[changes[end - 1].1] > CLUSTER_S {
                 break;
             }
             end += 1;
@@ -243,7 +260,7 @@ fn crossings(time_s: &[f64], readings: &[f64], rows: &[usize], step: f64, sigma:
         } else {
             0.5 * (start_s + end_s)
         };
-        hold(time_s, rows, entered_s, start_s, &held, &mut measurements);
+        hold(time_s, rows, [entered_s, start_s], hold_s, &held, &mut measurements);
         let jump = (new - old).abs();
         // A jump over several levels says only that the temperature was in the middle within the width of a step.
         let wide = if jump > 1.5 * step { step * step / 24.0 } else { 0.0 };
@@ -262,25 +279,27 @@ fn crossings(time_s: &[f64], readings: &[f64], rows: &[usize], step: f64, sigma:
         entered_s = end_s;
         next = end;
     }
-    hold(time_s, rows, entered_s, time_s[last], &held, &mut measurements);
+    hold(time_s, rows, [entered_s, time_s[last]], hold_s, &held, &mut measurements);
     measurements.push(held(last));
     measurements
 }
 
-/// Readings that stay from one time to another: one in the middle of every [`HOLD_S`], if it stays as long.
+/// Readings that stay from one time to another: one in the middle of every `hold_s`, if it stays as long.
 fn hold(
     time_s: &[f64],
     rows: &[usize],
-    from_s: f64,
-    to_s: f64,
+    [from_s, to_s]: [f64; 2],
+    hold_s: f64,
     held: &impl Fn(usize) -> Measurement,
     measurements: &mut Vec<Measurement>,
 ) {
-    let count = ((to_s - from_s) / HOLD_S).floor();
+    let count = ((to_s - from_s) / hold_s).floor().min(rows.len() as f64);
     for k in 0..count as usize {
         let at_s = from_s + (to_s - from_s) * (k as f64 + 0.5) / count;
         let row = rows.get(rows.partition_point(|&row| time_s[row] < at_s));
-        measurements.extend(row.filter(|&&row| time_s[row] < to_s).map(|&row| held(row)));
+        // Not the first reading after a gap over and over.
+        let is_there = |row: &&usize| time_s[**row] < to_s && time_s[**row] - at_s < hold_s;
+        measurements.extend(row.filter(is_there).map(|&row| held(row)));
     }
 }
 
@@ -463,6 +482,22 @@ mod tests {
         let still = Thermometer::new("t", None, None, &time_s, &vec![25.0; 5000]).unwrap();
         assert!(!still.varies());
         assert!(Thermometer::new("t", None, None, &time_s, &vec![f64::NAN; 5000]).is_none());
+    }
+
+    /// A unit that is warm after some minutes and stays so: its reading stays as well, and says where it is.
+    #[test]
+    fn a_temperature_that_stays_after_one_that_was_fast_is_known() {
+        let time_s: Vec<f64> = (0..6000).map(f64::from).collect();
+        let temperature = series::map(&time_s, |t| 32.0 - 7.5 * (-t / 120.0).exp());
+        for (noise, end) in [(0.0, 32.0), (0.01, 32.0), (0.01, 31.97)] {
+            let readings = quantised(&series::map(&temperature, |t| t - 32.0 + end), 0.0625, noise, 4);
+            let thermometer = Thermometer::new("t", None, None, &time_s, &readings).unwrap();
+            let pairs = temperature.iter().zip(&*thermometer.temperature);
+            let error = pairs.map(|(t, e)| (t - 32.0 + end - e).abs());
+            assert!(thermometer.varies() && error.fold(0.0, f64::max) < 0.1, "noise {noise}");
+            let largest = thermometer.temperature_variance.iter().copied().fold(0.0, f64::max).sqrt();
+            assert!(largest < 0.0625, "noise {noise}: {largest} K");
+        }
     }
 
     #[test]
