@@ -190,9 +190,9 @@ impl<'b> Scanner<'b> {
         let rows = self.block.rows();
         let count = self.block.count();
         let step_s = self.block.step_s();
+        let scores = self.block.back_project(&self.scores, sensor, port)?;
         let length = (2 * rows).next_power_of_two();
-        let transform =
-            Forward::new(length).transform(self.block.back_project(&self.scores, sensor, port)?);
+        let transform = Forward::new(length).transform(scores);
         // Where the sensor enters as a source.
         let place = match port {
             Port::Output => self.block.sensors.iter().position(|&own| own == sensor)?,

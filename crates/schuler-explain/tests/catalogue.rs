@@ -912,10 +912,19 @@ fn powers_reach_a_reference_far_from_the_record_and_a_steady_rate_is_not_passed_
         signature(&found[0], &[20.0]);
     }
     assert_eq!(at(&inputs, "bias_temperature_rate", 0, &[]).len(), 1);
+
+    // Over less than it takes to see one well they are offered all the same.
+    let scene = Scene::new(MotionKind::Static, 4001, 1.0)
+        .sensor("g", SensorKind::Dtg, Unit::DegreePerHour, [1.0, 0.0, 0.0])
+        .aux("T", Quantity::Temperature, "degC", Some("g"), |t| 20.0 + 3.0 * t / 4000.0);
+    let inputs = Inputs::new(&scene.0);
+    for id in ["bias_temperature_sq", "bias_temperature_cubic"] {
+        assert!(!at(&inputs, id, 0, &[]).is_empty(), "{id}");
+    }
 }
 
 #[test]
-fn lags_far_below_a_step_are_searched() {
+fn lags_from_far_below_a_step_to_beyond_what_is_plausible_are_searched() {
     let scene = turning();
     let inputs = Inputs::new(&scene.0);
     for id in ["bandwidth_lag", "time_delay"] {
@@ -923,6 +932,7 @@ fn lags_far_below_a_step_are_searched() {
         let Search::Grid { parameters, .. } = &found[0].search else { panic!("{id}: no grid") };
         let least = parameters[0].grid.iter().map(|value| value.abs()).fold(f64::INFINITY, f64::min);
         assert!(least <= 1e-5, "{id}: {least}");
+        assert!(parameters[0].grid.last().unwrap() > &1.5, "{id}");
     }
     // τ far below a step: −τ ω̇.
     let values = column(&at(&inputs, "bandwidth_lag", 0, &[])[0], &[1e-4], 0, inputs.rows());

@@ -12,7 +12,8 @@ use super::{Candidate, Effect, Nonlinear};
 use crate::inputs::series::{lagged, map, mean, play_branch, product, range, varies};
 use crate::inputs::{Inputs, Place, Series, Thermometer};
 
-/// Range of temperature that a square and a cube need, K: less than it takes to be large, as what is there to be told shows.
+/// Range of temperature from which on a square and a cube are offered, K. It takes 10 K to see one well; what less shows the
+/// likelihood says.
 const RANGE_FOR_POWERS: f64 = 2.0;
 /// How far beyond the range an unknown reference of a square is searched, in ranges.
 const REFERENCE_BEYOND: f64 = 0.75;
@@ -60,9 +61,6 @@ pub(super) const BIAS_TEMPERATURE_SQ: Effect = Effect {
     candidates: |effect, inputs| {
         let plausible = Plausible { gyro: Some([1e-4, 1e-3]), ..Plausible::UNKNOWN };
         per_thermometer(effect, inputs, |place, thermometer| {
-            if range(&thermometer.temperature) < RANGE_FOR_POWERS {
-                return Vec::new();
-            }
             power(inputs, place, thermometer, 2, coefficient(place, KELVIN_SQUARED, plausible))
         })
     },
@@ -78,9 +76,6 @@ pub(super) const BIAS_TEMPERATURE_CUBIC: Effect = Effect {
     acts_on: any,
     candidates: |effect, inputs| {
         per_thermometer(effect, inputs, |place, thermometer| {
-            if range(&thermometer.temperature) < RANGE_FOR_POWERS {
-                return Vec::new();
-            }
             power(inputs, place, thermometer, 3, coefficient(place, KELVIN_CUBED, Plausible::UNKNOWN))
         })
     },
@@ -307,7 +302,7 @@ fn times_temperature(
     with_reference(draft, place, factor.to_vec(), reference, known)
 }
 
-/// `(T − T₀)ⁿ`; a reference that is not known is searched, as another one is another function of T.
+/// `(T − T₀)ⁿ` of a temperature that has range enough; a reference that is not known is searched, as another one is another function of T.
 fn power(
     inputs: &Inputs<'_>,
     place: &Place,
@@ -315,6 +310,9 @@ fn power(
     exponent: i32,
     amplitude: super::Amplitude,
 ) -> Vec<Draft> {
+    if range(&thermometer.temperature) < RANGE_FOR_POWERS {
+        return Vec::new();
+    }
     let (reference, known) = inputs.reference(place, thermometer);
     let temperature: Series = thermometer.temperature.clone();
     if known {

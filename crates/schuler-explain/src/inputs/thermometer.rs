@@ -190,13 +190,12 @@ fn estimate(time_s: &[f64], readings: &[f64], step: f64, by_its_steps: bool) -> 
                     (measurements, process, cost)
                 })
                 .min_by(|a, b| a.2.total_cmp(&b.2))
-                .map(|(measurements, process, _)| (measurements, process))
         };
-        let (mut measurements, mut process) = with(HOLD_S)?;
+        let (mut measurements, mut process, _) = with(HOLD_S)?;
         // The variance of a temperature whose rate is a random walk grows by process · t³/3.
         let off_step_s = (3.0 * step * step / process).cbrt();
         if off_step_s < HOLD_S {
-            (measurements, process) = with(off_step_s)?;
+            (measurements, process, _) = with(off_step_s)?;
         }
         return Some(smooth(time_s, &measurements, process, scale));
     }
