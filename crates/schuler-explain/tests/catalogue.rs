@@ -1099,6 +1099,11 @@ fn an_effect_is_not_offered_where_its_own_need_is_not_met() {
     ] {
         assert!(!offered(&scene, id), "{id}: {why}");
     }
+    // Any gyro may feel the force.
+    let optical = scene.sensor("f", SensorKind::Fog, Unit::DegreePerHour, [0.0, 0.0, 1.0]);
+    let inputs = Inputs::new(&optical.0);
+    assert_eq!(at(&inputs, "g_mass_unbalance", 2, &[]).len(), 1);
+    let scene = optical;
     // A dead zone that nothing passes is one, and one between inputs is found between them.
     let inputs = Inputs::new(&scene.0);
     let zone = at(&inputs, "dead_zone", 0, &[]);

@@ -326,11 +326,6 @@ pub(super) const fn tuned_gyros(kind: SensorKind) -> bool {
     matches!(kind, SensorKind::Dtg)
 }
 
-/// Gyros with a moving mass.
-pub(super) const fn massive_gyros(kind: SensorKind) -> bool {
-    matches!(kind, SensorKind::Dtg | SensorKind::MemsGyro)
-}
-
 pub(super) const fn accelerometers(kind: SensorKind) -> bool {
     matches!(kind.dimension(), Dimension::Acceleration)
 }

@@ -1,7 +1,8 @@
 //! Drift of a gyro with specific force and its products: mass unbalance, quadrature, anisoelasticity.
 //!
-//! i = input axis, s = spin axis, o = s × i ([`crate::inputs::Axes`]).
-use super::draft::{Draft, G, G_SQUARED, Plausible, at_each_place, coefficient, massive_gyros, tuned_gyros};
+//! i = input axis, s = spin axis, o = s × i ([`crate::inputs::Axes`]). Of any gyro: an optical one has no mass to be unbalanced, but a coil or a
+//! path that the force strains.
+use super::draft::{Draft, G, G_SQUARED, Plausible, at_each_place, coefficient, gyros};
 use super::{Candidate, Effect};
 use crate::inputs::series::{product, varies};
 use crate::inputs::{Axes, Inputs};
@@ -34,7 +35,7 @@ on_force!(
     "g_mass_unbalance",
     "k·f_i",
     "drifts with the specific force along its input axis",
-    massive_gyros,
+    gyros,
     |axes| axes.input,
     [0.05, 5.0]
 );
@@ -43,7 +44,7 @@ on_force!(
     "g_quadrature",
     "k·f_o",
     "drifts with the specific force along its other input axis",
-    massive_gyros,
+    gyros,
     |axes| axes.other,
     [0.02, 0.5]
 );
@@ -52,7 +53,7 @@ on_force!(
     "g_spin",
     "k·f_s",
     "drifts with the specific force along its spin axis",
-    massive_gyros,
+    gyros,
     |axes| axes.spin,
     [0.01, 0.2]
 );
@@ -64,7 +65,7 @@ pub(super) const G2_ANISOELASTICITY: Effect = Effect {
     needs: "the product varies apart from the forces",
     separated_by: TUMBLE_45,
     source: LIU_FAN,
-    acts_on: tuned_gyros,
+    acts_on: gyros,
     candidates: |effect, inputs| {
         on_product(effect, inputs, &[(None, |axes| axes.input, |axes| axes.spin)], [0.01, 0.1])
     },
@@ -77,7 +78,7 @@ pub(super) const G2_CROSS: Effect = Effect {
     needs: "the product varies apart from the forces: attitudes at 45°",
     separated_by: TUMBLE_45,
     source: LIU_FAN,
-    acts_on: tuned_gyros,
+    acts_on: gyros,
     candidates: |effect, inputs| {
         let products: [Product; 2] = [
             (Some("input-other"), |axes| axes.input, |axes| axes.other),

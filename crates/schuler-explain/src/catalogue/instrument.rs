@@ -18,13 +18,13 @@ const LEAST_S: f64 = 1e-5;
 /// The same, whatever shows: no clock is better.
 const LEAST_OF_ALL_S: f64 = 1e-9;
 /// Largest delay of inertial sensors and of velocities, whose message may wait its turn on a line or under water. Radio comes up to 2 s
-/// late as a rule; a search that ended there would call what comes later a lag, and then another one.
+/// late as a rule; a search that ended there would call what comes later a lag, and then another one. Where rows are further apart, a row.
 const MOST_DELAY_S: [f64; 2] = [2.0, 10.0];
 /// Points in a decade of delays or lags.
 const PER_DECADE: f64 = 3.0;
 /// How far beyond an end of the record an input goes straight on, steps.
 const STRAIGHT_ON_STEPS: f64 = 2.0;
-/// Largest lag: what is plausible ends at 0.6 s, but a search that ended there would call a longer one a delay.
+/// Largest lag, or a row: what is plausible ends at 0.6 s, but a search that ended there would call a longer one a delay.
 const MOST_LAG_S: f64 = 2.0;
 
 pub(super) const TIME_DELAY: Effect = Effect {
@@ -42,6 +42,7 @@ pub(super) const TIME_DELAY: Effect = Effect {
         }
         let grid = |place: &Place| -> Vec<f64> {
             let most = MOST_DELAY_S[usize::from(place.dimension() == Dimension::Velocity)];
+            let most = most.max(inputs.recording.step_s);
             let late = searched(inputs, place, most.min(longest_s));
             // The reference can be the late one; an accelerometer in a loop has none.
             if place.port == Port::Output {
@@ -101,8 +102,9 @@ pub(super) const BANDWIDTH_LAG: Effect = Effect {
     source: "IEEE Std 528, frequency response",
     acts_on: any,
     candidates: |effect, inputs| {
+        let most = MOST_LAG_S.max(inputs.recording.step_s);
         let parameter =
-            |place: &Place| Nonlinear { name: "tau_s", unit: "s", grid: searched(inputs, place, MOST_LAG_S) };
+            |place: &Place| Nonlinear { name: "tau_s", unit: "s", grid: searched(inputs, place, most) };
         let signature = |time_s: &[f64], input: &[f64], tau_s: f64| -> Vec<f64> {
             lagged_smooth(time_s, input, tau_s).iter().zip(input).map(|(lagged, now)| lagged - now).collect()
         };

@@ -5,7 +5,7 @@
 //! variant `reference`, and what another reference would add is an amplitude of its own, `at_mean`.
 use super::draft::{
     Draft, G_KELVIN, ITSELF, KELVIN, KELVIN_CUBED, KELVIN_PER_HOUR, KELVIN_PER_METRE, KELVIN_SQUARED,
-    Plausible, any, at_each_instrument_place, coefficient, inertial, logarithmic, massive_gyros, number,
+    Plausible, any, at_each_instrument_place, coefficient, gyros, inertial, logarithmic, number,
     time_constant,
 };
 use super::{Candidate, Effect, Nonlinear};
@@ -258,7 +258,7 @@ pub(super) const G_MASS_UNBALANCE_TEMPERATURE: Effect = Effect {
     needs: "tumble at two temperatures",
     separated_by: "the same tumble at a second temperature",
     source: "IEEE Std 813, mass unbalance; Hayakawa & Nibe for the tuned rotor",
-    acts_on: massive_gyros,
+    acts_on: gyros,
     candidates: |effect, inputs| {
         per_thermometer(effect, inputs, |place, thermometer| {
             let force = inputs.force_along(&place.axes.input).filter(|force| varies(force));

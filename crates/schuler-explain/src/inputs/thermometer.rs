@@ -108,13 +108,24 @@ impl Thermometer {
 
     /// Whether its rate does.
     pub fn rate_varies(&self) -> bool {
-        self.varies() && series::deviation(&self.rate) > series::mean(&self.rate_variance).sqrt()
+        self.varies() && self.is_known_about(series::mean(&self.rate))
     }
 
     /// Whether its rate is known to be other than 0. A steady one acts like a constant bias, and no less than that.
     pub fn rate_shows(&self) -> bool {
-        let square = series::deviation(&self.rate).powi(2) + series::mean(&self.rate).powi(2);
-        self.varies() && square > series::mean(&self.rate_variance)
+        self.varies() && self.is_known_about(0.0)
+    }
+
+    /// Whether most of what its rate is beside a value, in the mean square, it is where that is more than its uncertainty. Where a temperature
+    /// dwells little is known of a rate that is next to nothing, and that is no reason to doubt the rate of the ramps.
+    fn is_known_about(&self, value: f64) -> bool {
+        let rows = self.rate.iter().zip(&*self.rate_variance);
+        let (mut known, mut all) = (0.0, 0.0);
+        for (square, variance) in rows.map(|(rate, variance)| ((rate - value).powi(2), *variance)) {
+            all += square;
+            known += if square > variance { square } else { 0.0 };
+        }
+        known > 0.5 * all
     }
 
     /// Part of the variance of the true rate that its estimate has. A coefficient on the estimate is not attenuated
@@ -421,6 +432,11 @@ mod tests {
     fn chamber(time_s: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let knots =
             [(0.0, 20.0), (5400.0, 20.0), (10_800.0, 50.0), (14_400.0, 50.0), (21_600.0, 10.0), (1e9, 10.0)];
+        through_wall(time_s, &knots)
+    }
+
+    /// Temperature and rate behind a wall of 600 s, outside of which straight lines join the knots.
+    fn through_wall(time_s: &[f64], knots: &[(f64, f64)]) -> (Vec<f64>, Vec<f64>) {
         let outside = series::map(time_s, |t| {
             let next = knots.iter().position(|&(at, _)| at > t).unwrap();
             let ((t0, a), (t1, b)) = (knots[next - 1], knots[next]);
@@ -455,6 +471,29 @@ mod tests {
                 3600.0 * series::mean(&thermometer.rate_variance).sqrt()
             );
             assert!((found - 1.0).abs() < 0.05, "step {step}, noise {noise}: {found}");
+        }
+    }
+
+    /// Slow ramps and dwells over days, seen in small steps that noise makes flicker.
+    #[test]
+    fn a_coefficient_on_the_rate_is_right_where_small_steps_flicker() {
+        let time_s: Vec<f64> = (0..50_000).map(|k| 5.0 * f64::from(k)).collect();
+        let knots =
+            [(0.0, 41.0), (2e4, 41.0), (7e4, 60.0), (1e5, 60.0), (1.4e5, 45.0), (2e5, 62.0), (1e9, 62.0)];
+        let (temperature, rate) = through_wall(&time_s, &knots);
+        for noise in [0.0, 0.002, 0.004, 0.005, 0.0055, 0.006, 0.008] {
+            let readings = quantised(&temperature, 0.02, noise, 3);
+            let thermometer = Thermometer::new("t", None, None, &time_s, &readings).unwrap();
+            let error: Vec<f64> = rate.iter().zip(&*thermometer.rate).map(|(t, e)| t - e).collect();
+            let found = slope(&rate, &thermometer.rate);
+            let changes = readings.windows(2).filter(|pair| pair[0] != pair[1]).count() as f64 / 5e4;
+            println!(
+                "flicker: noise {noise} K, {changes:.3} changes a row: slope {found:.4}, error {:.3} of {:.3} K/h, said {:.3}",
+                3600.0 * series::rms(&error),
+                3600.0 * series::deviation(&rate),
+                3600.0 * series::mean(&thermometer.rate_variance).sqrt()
+            );
+            assert!((found - 1.0).abs() < 0.05 && thermometer.rate_shows(), "noise {noise}: {found}");
         }
     }
 
