@@ -20,11 +20,13 @@ def cross_with_axes(v):
     return np.stack([np.cross(v, axis) for axis in np.eye(3)], axis=2)
 
 
-def autoregression(residual, order):
+def autoregression(residual, order, sigmas=None):
     """Coefficients and innovation deviation of an autoregression, by least squares over the rows that are complete."""
     lags = np.column_stack([residual[order - k - 1 : len(residual) - k - 1] for k in range(order)])
     known = np.isfinite(lags).all(axis=1) & np.isfinite(residual[order:])
-    coefficients = np.linalg.lstsq(lags[known], residual[order:][known], rcond=None)[0]
+    weights = np.ones(len(lags)) if sigmas is None else 1 / sigmas
+    weighted = (lags * weights[:, None])[known], (residual[order:] * weights)[known]
+    coefficients = np.linalg.lstsq(*weighted, rcond=None)[0]
     innovation = residual[order:][known] - lags[known] @ coefficients
     return coefficients, np.sqrt(np.mean(innovation**2))
 
@@ -35,6 +37,14 @@ def whiten(values, coefficients):
     for k, coefficient in enumerate(coefficients):
         out -= coefficient * values[order - k - 1 : len(values) - k - 1]
     return out
+
+
+def by_eighths(innovations, shaken):
+    """The innovations' deviation in each eighth of the values of a quantity, by rows."""
+    edges = np.quantile(shaken, np.arange(1, 8) / 8)
+    eighth = np.searchsorted(edges, shaken)
+    deviations = [np.sqrt(np.nanmean(innovations[eighth == k] ** 2)) for k in range(8)]
+    return np.array(deviations)[eighth]
 
 
 def long_run_covariance(scores):
@@ -54,11 +64,13 @@ class Fit:
     (Cochrane and Orcutt). `channels` is a list of (y, X) with equal columns and rows in all X; NaN = missing.
 
     `sigmas` do not trust that autoregression: they are those of the sandwich of Newey and West (1987, lags of 1994) where
-    these are larger. Noise that is louder in turns than on straight stretches makes those of the model too small, of a
-    Doppler log's lever arm by 2.5.
+    these are larger.
+
+    `shaken` is a quantity that the noise may be louder by, one value a row: the innovations have a deviation of their own in
+    each eighth of its values.
     """
 
-    def __init__(self, channels, order, rounds=8):
+    def __init__(self, channels, order, rounds=8, shaken=None):
         columns = channels[0][1].shape[1]
         complete = [np.isfinite(y) & np.isfinite(X).all(axis=1) for y, X in channels]
         stacked_y = np.concatenate([y[ok] for (y, _), ok in zip(channels, complete)])
@@ -68,12 +80,18 @@ class Fit:
             normal, right, self.noise, likelihood = np.zeros((columns, columns)), np.zeros(columns), [], 0.0
             whitened = []
             for y, X in channels:
-                coefficients, sigma = autoregression(y - X @ self.coefficients, order)
-                wy, wx = whiten(y, coefficients) / sigma, whiten(X, coefficients) / sigma
+                residual = y - X @ self.coefficients
+                coefficients, sigma = autoregression(residual, order)
+                sigmas = np.full(len(y) - order, sigma)
+                if shaken is not None:
+                    for _ in range(3):
+                        sigmas = by_eighths(whiten(residual, coefficients), shaken[order:])
+                        coefficients, _ = autoregression(residual, order, sigmas)
+                wy, wx = whiten(y, coefficients) / sigmas, whiten(X, coefficients) / sigmas[:, None]
                 known = np.isfinite(wy) & np.isfinite(wx).all(axis=1)
                 normal += wx[known].T @ wx[known]
                 right += wx[known].T @ wy[known]
-                likelihood -= known.sum() * np.log(sigma)
+                likelihood -= np.log(sigmas[known]).sum()
                 self.noise.append((coefficients, sigma, int(known.sum())))
                 whitened.append((np.where(known, wy, 0.0), np.where(known[:, None], wx, 0.0)))
             scale = np.sqrt(np.diag(normal))

@@ -36,7 +36,7 @@ UNITS = {"lever_arm": "m", "misalignment": "rad", "scale_factor": "ppm", "bias_c
 ARM = ["arm_x_m", "arm_y_m", "arm_z_m"]
 
 
-def channels(leg, delay, beside=tuple(OPTIONAL), lever=True, across=False):
+def channels(leg, delay, beside=tuple(OPTIONAL), lever=True, across=False, down=False):
     velocity, rate = leg["velocity"](leg["t"] - delay), leg["rate"](leg["t"] - delay)
     rows = slice(EDGE, -EDGE)
     columns = [cross_with_axes(rate)] if lever else []
@@ -44,22 +44,31 @@ def channels(leg, delay, beside=tuple(OPTIONAL), lever=True, across=False):
     columns += [cross_with_axes(velocity)] if "misalignment" in beside else []
     columns += [np.broadcast_to(np.eye(3), (len(rate), 3, 3))] if "bias_constant" in beside else []
     columns += [(velocity * [0, 1, 0])[:, :, None]] if across else []
+    columns += [(velocity * [0, 0, 1])[:, :, None]] if down else []
     X, y = np.concatenate(columns, axis=2), leg["log"] - velocity
     return [(y[rows, axis], X[rows, axis]) for axis in range(3)]
+
+
+def shaken(leg, delay):
+    return np.linalg.norm(leg["turn"](leg["t"] - delay), axis=1)[EDGE:-EDGE]
+
+
+def fitted(leg, delay, **options):
+    return Fit(channels(leg, delay, **options), ORDER, shaken=shaken(leg, delay))
 
 
 def best(leg, around=None, **options):
     """Likelihood on a grid of delays, then a parabola through its top: delay, fit."""
     if around is None:
         coarse = np.arange(-3.0, 1.01, 0.1)
-        around = coarse[np.argmax([Fit(channels(leg, d, **options), ORDER).log_likelihood for d in coarse])]
+        around = coarse[np.argmax([fitted(leg, d, **options).log_likelihood for d in coarse])]
     fine = around + np.arange(-0.1, 0.101, 0.02)
-    likelihoods = [Fit(channels(leg, d, **options), ORDER).log_likelihood for d in fine]
+    likelihoods = [fitted(leg, d, **options).log_likelihood for d in fine]
     middle = int(np.clip(np.argmax(likelihoods), 2, len(fine) - 3))
     near = slice(middle - 2, middle + 3)
     a, b, _ = np.polyfit(fine[near] - fine[middle], likelihoods[near], 2)
     delay = fine[middle] - b / (2 * a)
-    return delay, Fit(channels(leg, delay, **options), ORDER)
+    return delay, fitted(leg, delay, **options)
 
 
 def with_delay(leg, delay, fit, **options):
@@ -67,7 +76,8 @@ def with_delay(leg, delay, fit, **options):
     def left(at):
         return [y - X @ fit.coefficients for y, X in channels(leg, at, **options)]
     slopes = [(late - early) / (2 * DELAY_STEP) for early, late in zip(left(delay - DELAY_STEP), left(delay + DELAY_STEP))]
-    return Fit([(y, np.column_stack([X, -slope])) for (y, X), slope in zip(channels(leg, delay, **options), slopes)], ORDER)
+    return Fit([(y, np.column_stack([X, -slope])) for (y, X), slope in zip(channels(leg, delay, **options), slopes)],
+               ORDER, shaken=shaken(leg, delay))
 
 
 def main():
@@ -81,23 +91,25 @@ def main():
             "t": t,
             "velocity": CubicSpline(t, attitude.inv().apply(table[["vn_mps", "ve_mps", "vd_mps"]].to_numpy())),
             "rate": lambda when: turning(np.clip(when, t[0], t[-1]), 1),
+            "turn": lambda when: turning(np.clip(when, t[0], t[-1]), 2),
             "log": table[["dvl_x_mps", "dvl_y_mps", "dvl_z_mps"]].to_numpy(),
         }
         case = f"auv_doppler_ins/leg{number:02}"
         delay, fit = best(leg)
-        gain = {"time_delay": fit.log_likelihood - Fit(channels(leg, 0.0), ORDER).log_likelihood,
+        gain = {"time_delay": fit.log_likelihood - fitted(leg, 0.0).log_likelihood,
                 "lever_arm": fit.log_likelihood - best(leg, lever=False)[1].log_likelihood}
         report.case(case)["optional"] = list(OPTIONAL)
         scores = {}
-        for *chosen, across in product([False, True], repeat=len(OPTIONAL) + 1):
+        for *chosen, across, down in product([False, True], repeat=len(OPTIONAL) + 2):
             beside = [effect for effect, there in zip(OPTIONAL, chosen) if there]
-            options = {"beside": beside, "across": across}
+            options = {"beside": beside, "across": across, "down": down}
             at, alone = best(leg, around=delay, **options)
             joint = with_delay(leg, at, alone, **options)
-            scores[tuple(beside), across] = joint.score
+            scores[tuple(beside), across, down] = joint.score
             names = [("lever_arm", name) for name in ARM]
             names += [(effect, name) for effect in beside for name in OPTIONAL[effect]]
             names += [("scale_factor", "coefficient_y")] if across else []
+            names += [("scale_factor", "coefficient_z")] if down else []
             for (effect, name), value, sigma in zip(names, joint.coefficients, joint.sigmas):
                 sensor, scale, unit = "dvl", 1.0, UNITS[effect]
                 if "_" in name and effect in ("bias_constant", "scale_factor"):
@@ -118,11 +130,12 @@ def main():
             report.allow(case, f"dvl_{axis}", "noise_white", "noise_markov", "noise_random_walk", "noise_flicker", "noise_exp_cos",
                          "noise_variance_step", "noise_outliers", "noise_angle_quantisation")
         for row in report.case(case)["estimates"]:
-            alike = scores[tuple(row["beside"]), row["across"]] > max(scores.values()) - ALIKE_NATS
+            alike = scores[tuple(row["beside"]), row["across"], row["down"]] > max(scores.values()) - ALIKE_NATS
             if alike and row["gain_nats"] > LEAST_NATS and row["effect"] in OPTIONAL:
                 report.allow(case, row["sensor"], row["effect"])
         alike = [structure for structure, score in scores.items() if score > max(scores.values()) - ALIKE_NATS]
-        report.remark(case, "as good: " + "; ".join(", ".join(beside) + " and y's scale" * across for beside, across in alike))
+        report.remark(case, "as good: " + "; ".join(
+            ", ".join(beside) + " and y's scale" * across + " and z's scale" * down for beside, across, down in alike))
     report.print()
 
 

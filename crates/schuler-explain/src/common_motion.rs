@@ -52,7 +52,6 @@ pub struct CommonMotion {
     /// 1 in the directions that they do not span.
     unseen: Matrix3<f64>,
     step_s: f64,
-    rows: usize,
     bands: Vec<Band>,
 }
 
@@ -106,7 +105,7 @@ impl CommonMotion {
             block.sources.iter().map(|&source| sources[source].nominal.spectrum(omega, step_s)).sum()
         };
         let bands = spectra(recording, masked, &sensors, seen.sum(), &nominal)?;
-        Some(Self { sources: block.sources.clone(), axes, unseen, step_s, rows: recording.len(), bands })
+        Some(Self { sources: block.sources.clone(), axes, unseen, step_s, bands })
     }
 
     /// What the readings tell of the noises of all sources beside what the residuals do: log-likelihood, up to a constant.
@@ -160,16 +159,7 @@ impl CommonMotion {
     }
 
     fn powers(&self, noises: &[Noise], omega: f64) -> Vec<f64> {
-        let of_source = |&source: &usize| {
-            let noise = &noises[source];
-            // What the white level changes at a row, as the mean of the record.
-            let changed = noise.step.map_or(0.0, |step| {
-                let part = 1.0 - step.row as f64 / self.rows as f64;
-                part * (step.ratio * step.ratio - 1.0) * noise.white * noise.white
-            });
-            noise.spectrum(omega, self.step_s) + changed
-        };
-        self.sources.iter().map(of_source).collect()
+        self.sources.iter().map(|&source| noises[source].spectrum(omega, self.step_s)).collect()
     }
 
     /// Weights of the mean of noises of the given powers, without one sensor, and its noise's power; `None` where the sensors do not span

@@ -402,7 +402,7 @@ pub mod tests {
             start: vec![0.0; n * n],
             seen: vec![0.0; n],
             white: vec![noise.white_variance()],
-            white_from: None,
+            other_white: None,
         };
         let mut at = 0;
         for group in groups {

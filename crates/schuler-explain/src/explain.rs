@@ -17,12 +17,13 @@ use crate::explanation::{
     Evidence, Explanation, FORMAT, Finding, Fit, NoiseShift, Parameter, Rival, Verdict,
 };
 use crate::hold_out::hold_out;
-use crate::inputs::Inputs;
+use crate::inputs::{Inputs, Loudness};
 use crate::locate;
-use crate::noise::{Knob, Noise};
+use crate::minimise::golden;
+use crate::noise::{Knob, Noise, RowsOfLevel};
 use crate::noise_fit::{SourceKnob, exact};
 use crate::nominal::{Block, FEWEST_ROWS, Model};
-use crate::readings::{Fault, LEAST_STEP, OFF_LATTICE, faults, lattice};
+use crate::readings::{Fault, Faults, LEAST_STEP, OFF_LATTICE, faults, lattice};
 use crate::refit::parameters;
 use crate::search::{Family, by_all_readings};
 use crate::select::{
@@ -177,30 +178,22 @@ fn explained<S>(
     if !(options.level > 0.0 && options.level < 1.0) {
         return Err(Error::Level(options.level.to_string()));
     }
-    let unmasked = Model::new(recording, &[]).map_err(Error::NothingToCompare)?;
+    let loudness = inputs.loudness();
+    let unmasked = model_without(&[], recording, &loudness)?;
     let mut faults = faults(recording, &unmasked);
     let angles: Vec<Fault> = faults.found.extract_if(.., |fault| is_of_angle(&unmasked, fault)).collect();
     let of_angle: Vec<usize> = angles.iter().map(|fault| fault.sensor).collect();
-    let mut model = if faults.found.is_empty() {
-        unmasked.clone()
-    } else {
-        Model::new(recording, &faults.masked).map_err(Error::NothingToCompare)?
+    let prepared = |faults: &Faults| -> Result<Model, Error> {
+        let mut model = model_without(&faults.masked, recording, &loudness)?;
+        model.common_motions = CommonMotion::of_model(&model, recording, &faults.masked);
+        account_for_lattices(&mut model, recording, &of_angle);
+        Ok(model)
     };
-    model.common_motions = CommonMotion::of_model(&model, recording, &faults.masked);
-    account_for_lattices(&mut model, recording, &of_angle);
+    let mut model = prepared(&faults)?;
     candidates.retain(|candidate| acts(&model, candidate) && !is_spoilt(candidate, &faults.found, recording));
     let nuisances = estimate_unknown(&mut model);
     let noises = model.nominal_noises();
-    for block in &model.blocks {
-        if block.filter(&noises).is_none() {
-            let names: Vec<&str> =
-                block.sources.iter().map(|&source| model.sources[source].name.as_str()).collect();
-            return Err(Error::Singular {
-                sensor: names.join(", "),
-                what: "its variance must be positive".to_owned(),
-            });
-        }
-    }
+    no_singular_noise(&model, &noises)?;
     unless_cancelled(watch)?;
     let case = Case::new(&model, &candidates, &inputs.time_s, watch);
     let start = State {
@@ -213,14 +206,22 @@ fn explained<S>(
     watch.progress(Phase::Search, 0.0);
     let mut selection = select(&case, &start, options.level);
     unless_cancelled(watch)?;
-    // What was read beyond the record the search took to go straight on.
-    let (within, case_within);
-    let case = match within_record(&model, &selection.state) {
-        Some(shorter) => {
-            within = shorter;
-            case_within = Case::new(&within, &candidates, &inputs.time_s, watch);
-            selection = judged_again(&case_within, selection, options.level);
-            &case_within
+    // Readings that are louder where something shakes the sensor had been taken for spikes; and what was read beyond the record the search
+    // took to go straight on.
+    let louder = if faults.spikes_of_levels(&unmasked, &selection.state.noises) {
+        let mut louder = prepared(&faults)?;
+        louder.sources.clone_from(&model.sources);
+        Some(louder)
+    } else {
+        None
+    };
+    let judged_in = within_record(louder.as_ref().unwrap_or(&model), &selection.state).or(louder);
+    let case_again;
+    let case = match &judged_in {
+        Some(model) => {
+            case_again = Case::new(model, &candidates, &inputs.time_s, watch);
+            selection = judged_again(&case_again, selection, options.level);
+            &case_again
         }
         None => &case,
     };
@@ -239,7 +240,8 @@ fn explained<S>(
     unless_cancelled(watch)?;
     watch.progress(Phase::Judge, 0.0);
     let Selection { state, bench, .. } = &selection;
-    faults.spikes_beside(&unmasked, &candidates, &state.terms, &bench.solution.amplitudes);
+    let described = (state.terms.as_slice(), state.noises.as_slice());
+    faults.spikes_beside(&unmasked, &candidates, described, &bench.solution.amplitudes);
     join_readings(
         &mut findings,
         of_readings(recording, case, &selection.family, &faults.found, options.level),
@@ -274,6 +276,22 @@ fn explained<S>(
     watch.progress(Phase::Judge, 1.0);
     let shown = show(case, &selection, &findings);
     Ok((Explanation { format: FORMAT, verdict, findings, fit, located, remainder, notes }, shown))
+}
+
+/// The nominal model without the readings in `masked`, whose white levels may go with quantities.
+fn model_without(masked: &[Vec<bool>], recording: &Recording, loudness: &[Loudness]) -> Result<Model, Error> {
+    let mut model = Model::new(recording, masked).map_err(Error::NothingToCompare)?;
+    model.goes_with(loudness);
+    Ok(model)
+}
+
+/// An error where the noise of a block leaves nothing to divide by.
+fn no_singular_noise(model: &Model, noises: &[Noise]) -> Result<(), Error> {
+    let Some(block) = model.blocks.iter().find(|block| block.filter(noises).is_none()) else {
+        return Ok(());
+    };
+    let names: Vec<&str> = block.sources.iter().map(|&source| model.sources[source].name.as_str()).collect();
+    Err(Error::Singular { sensor: names.join(", "), what: "its variance must be positive".to_owned() })
 }
 
 /// The model without the rows in which an instrument that comes early or late reads what is not in the record, if there are such.
@@ -528,10 +546,17 @@ fn is_of_angle(model: &Model, fault: &Fault) -> bool {
     };
     let Some(step) = fault.lattice_step() else { return false };
     let projected = project(model, block, &[]);
+    // Where the noise is more than the case says, whatever has more of it would be the likelier: its level is free.
     let likelihood = |change: &dyn Fn(&mut Noise)| {
         let mut noises = model.nominal_noises();
         change(&mut noises[source]);
-        exact(&model.blocks[block], &noises, &projected)
+        let nominal = noises[source].white.max(0.1 * step);
+        let cost = |log: f64| {
+            let mut noises = noises.clone();
+            noises[source].white = nominal * log.exp();
+            -exact(&model.blocks[block], &noises, &projected)
+        };
+        -golden(-1.5, 1.5, 0.03, cost).1
     };
     let rounded = likelihood(&|noise| noise.rounding = step);
     likelihood(&|noise| noise.angle = step / 12.0_f64.sqrt()) > rounded
@@ -869,7 +894,11 @@ fn interval(case: &Case<'_>, state: &State, item: Item) -> [f64; 2] {
         Item::Change(place) => {
             let change = &state.changes[place];
             let step = state.noises[change.source].step.filter(|_| change.knobs.contains(&Knob::StepRatio));
-            step.and_then(|step| case.time_s.get(step.row).copied()).unwrap_or_default()
+            let since = step.and_then(|step| match step.rows {
+                RowsOfLevel::From(row) => case.time_s.get(row).copied(),
+                RowsOfLevel::Above { .. } => None,
+            });
+            since.unwrap_or_default()
         }
     };
     [start, end]

@@ -25,7 +25,7 @@ pub struct Noise {
     pub flicker: Flicker,
     /// Rounding of the angle whose difference is the output, 1 σ of one rounding, per step.
     pub angle: f64,
-    /// Change of the white level.
+    /// Another white level in part of the rows.
     pub step: Option<VarianceStep>,
 }
 
@@ -38,13 +38,29 @@ pub struct Flicker {
     pub tau_s: [f64; 2],
 }
 
-/// Change of the white level at a row.
+/// Another white level in part of the rows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VarianceStep {
-    /// First row with the new level.
-    pub row: usize,
-    /// New standard deviation over the old one.
+    /// The rows that have it.
+    pub rows: RowsOfLevel,
+    /// Their part of all.
+    pub part: f64,
+    /// Its standard deviation over that of the others.
     pub ratio: f64,
+}
+
+/// Rows that have another white level.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum RowsOfLevel {
+    /// A row and all that come after it.
+    From(usize),
+    /// Those in which a quantity of [`Block::loudness`](crate::nominal::Block::loudness) is larger.
+    Above {
+        /// The quantity's place.
+        quantity: usize,
+        /// What it exceeds.
+        value: f64,
+    },
 }
 
 /// One parameter of a noise.
@@ -266,6 +282,9 @@ impl Noise {
             .sum();
         let difference = pole(1.0, omega).max(1e-300);
         self.white_variance()
+            + self
+                .step
+                .map_or(0.0, |step| step.part * (step.ratio * step.ratio - 1.0) * self.white * self.white)
             + markov
             + cosine
             + self.random_walk * self.random_walk * step_s / difference

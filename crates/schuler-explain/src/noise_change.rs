@@ -8,7 +8,7 @@ use schuler_recording::case::{ExponentialCosine, Markov};
 
 use crate::catalogue::{NoiseChange, Port};
 use crate::description::Projected;
-use crate::noise::{Flicker, Knob, Noise, VarianceStep};
+use crate::noise::{Flicker, Knob, Noise, RowsOfLevel, VarianceStep};
 use crate::noise_fit::{SourceKnob, exact, logs_of, polish, whittle};
 use crate::nominal::{Block, Source};
 use crate::price::Price;
@@ -101,6 +101,14 @@ pub struct PromisedStart {
     pub evidence: f64,
 }
 
+/// Two levels of white noise: what they gain, nats, the rows of the first, and the variances of both by that of the innovations.
+struct Levels {
+    gain: f64,
+    number: usize,
+    within: f64,
+    beyond: f64,
+}
+
 /// Noises to start from, the parameters to fit, degrees of freedom, and ln of the number of places searched.
 #[derive(Clone, Debug)]
 struct Start {
@@ -114,8 +122,12 @@ impl View<'_> {
     /// What a change of a source promises: by Whittle's likelihood, and for a change of the white level by the squares of
     /// the innovations.
     pub fn promised(&self, source: usize, origin: &Source, change: NoiseChange) -> Vec<PromisedStart> {
-        if change == NoiseChange::VarianceStep {
-            return self.promised_step(source).into_iter().collect();
+        match change {
+            NoiseChange::VarianceStep => return self.promised_step(source).into_iter().collect(),
+            NoiseChange::LevelAbove(quantity) => {
+                return self.promised_level(source, origin, quantity).into_iter().collect();
+            }
+            _ => {}
         }
         let Some(one) = self.spectrum.one_source(self.block, self.noises, source) else { return Vec::new() };
         let base = one.log_likelihood(&self.noises[source]);
@@ -240,7 +252,7 @@ impl View<'_> {
         };
         match change {
             // A change of the white level has its own search; white noise and rounding are of an output alone.
-            NoiseChange::VarianceStep => Vec::new(),
+            NoiseChange::VarianceStep | NoiseChange::LevelAbove(_) => Vec::new(),
             NoiseChange::White | NoiseChange::AngleQuantisation if origin.port != Port::Output => Vec::new(),
             NoiseChange::White => single(Knob::White, 1),
             NoiseChange::RandomWalk => {
@@ -347,42 +359,111 @@ impl View<'_> {
     /// A change of the white level, at the time found on the squares of the innovations, of which only those along the
     /// source change.
     fn promised_step(&self, source: usize) -> Option<PromisedStart> {
+        let squares = self.squares(source)?;
+        let backwards: Vec<usize> = (0..self.block.rows()).rev().collect();
+        let Levels { gain, number, within, .. } =
+            self.best_levels(&backwards, &squares, false, |_, _| true)?;
+        let row = self.block.rows() - number;
+        let rows = RowsOfLevel::From(row);
+        let step = VarianceStep { rows, part: self.part(number), ratio: within.sqrt() };
+        self.promise_of_level(source, gain, step, None)
+    }
+
+    /// Another white level where a quantity is large, both levels free.
+    fn promised_level(&self, source: usize, origin: &Source, quantity: usize) -> Option<PromisedStart> {
+        let squares = self.squares(source)?;
+        let loudness = self.block.loudness.get(quantity)?;
+        let (order, values) = (&loudness.descending, &loudness.values);
+        let divides = |row: usize, next: usize| values[row] > values[next];
+        let Levels { gain, number, within, beyond } = self.best_levels(order, &squares, true, divides)?;
+        let value = 0.5 * (values[order[number - 1]] + values[order[number]]);
+        let rows = RowsOfLevel::Above { quantity, value };
+        let step = VarianceStep { rows, part: self.part(number), ratio: (within / beyond).sqrt() };
+        let is_known = self.noises[source].white == origin.nominal.white;
+        self.promise_of_level(source, gain, step, Some((beyond.sqrt(), is_known)))
+    }
+
+    fn part(&self, number: usize) -> f64 {
+        number as f64 / self.block.rows() as f64
+    }
+
+    fn promise_of_level(
+        &self,
+        source: usize,
+        gain: f64,
+        step: VarianceStep,
+        beyond: Option<(f64, bool)>,
+    ) -> Option<PromisedStart> {
+        if gain < WORTH_POLISHING {
+            return None;
+        }
+        let (mut ln_p, ln_places) = self.step_tail(gain);
+        let mut noises = self.noises.to_vec();
+        let (mut knobs, mut freedom) = (vec![Knob::StepRatio], 1);
+        noises[source].step = Some(step);
+        if let Some((scale, is_known)) = beyond {
+            noises[source].white *= scale;
+            knobs.insert(0, Knob::White);
+            freedom += usize::from(is_known);
+            ln_p = ln_chi_squared_tail(2.0 * gain, freedom) + ln_places;
+        }
+        let start = Start { noises, knobs, freedom, ln_places };
+        (-ln_p >= LEAST_EVIDENCE).then_some(PromisedStart { start, evidence: -ln_p })
+    }
+
+    /// Squares of the innovations along a source whose white level may change.
+    fn squares(&self, source: usize) -> Option<Vec<f64>> {
         let noise = &self.noises[source];
         if noise.white <= 0.0 || noise.step.is_some() {
             return None;
         }
         let (rows, channels) = (self.block.rows(), self.block.channels);
         let along = self.along(source)?;
-        let (mut sum, mut number) = (0.0, 0.0);
-        let mut best = (0.0, 0, 1.0);
-        for row in (MARGIN_ROWS..rows).rev() {
-            if !self.block.present[row] {
-                continue;
-            }
+        let square = |row: usize| {
             let innovation: f64 = (0..channels).map(|c| along[c] * self.whitened[c * rows + row]).sum();
-            sum += innovation.powi(2).min(MOST_INNOVATION.powi(2));
-            number += 1.0;
-            if number < MARGIN_ROWS as f64 {
+            innovation.powi(2).min(MOST_INNOVATION.powi(2))
+        };
+        Some((0..rows).map(square).collect())
+    }
+
+    /// How many of the first of `order` gain most by a level of their own, the others keeping theirs or with one of their own as well. Between
+    /// a row and the next it must be possible to divide.
+    fn best_levels(
+        &self,
+        order: &[usize],
+        squares: &[f64],
+        both: bool,
+        divides: impl Fn(usize, usize) -> bool,
+    ) -> Option<Levels> {
+        let present = |row: &&usize| self.block.present[**row];
+        let (all, count) =
+            order.iter().filter(present).fold((0.0, 0.0), |(sum, n), &row| (sum + squares[row], n + 1.0));
+        let gain_of = |sum: f64, number: f64| {
+            let ratio = sum / number;
+            0.5 * number * (ratio - 1.0 - ratio.max(1e-12).ln())
+        };
+        let (mut sum, mut number) = (0.0, 0.0);
+        let mut best: Option<Levels> = None;
+        for (at, pair) in order.windows(2).enumerate() {
+            let (row, next) = (pair[0], pair[1]);
+            if self.block.present[row] {
+                sum += squares[row];
+                number += 1.0;
+            }
+            if number < MARGIN_ROWS as f64 || !divides(row, next) {
                 continue;
             }
-            let ratio: f64 = sum / number;
-            let gain = 0.5 * number * (ratio - 1.0 - ratio.max(1e-12).ln());
-            if gain > best.0 {
-                best = (gain, row, ratio);
+            let others = count - number;
+            if others < MARGIN_ROWS as f64 {
+                break;
+            }
+            let gain = gain_of(sum, number) + if both { gain_of(all - sum, others) } else { 0.0 };
+            if best.as_ref().is_none_or(|best| gain > best.gain) {
+                best =
+                    Some(Levels { gain, number: at + 1, within: sum / number, beyond: (all - sum) / others });
             }
         }
-        let (gain, row, ratio) = best;
-        if gain < WORTH_POLISHING {
-            return None;
-        }
-        let (ln_p, ln_places) = self.step_tail(gain);
-        if -ln_p < LEAST_EVIDENCE {
-            return None;
-        }
-        let mut noises = self.noises.to_vec();
-        noises[source].step = Some(VarianceStep { row, ratio: ratio.sqrt() });
-        let start = Start { noises, knobs: vec![Knob::StepRatio], freedom: 1, ln_places };
-        Some(PromisedStart { start, evidence: -ln_p })
+        best
     }
 
     /// Direction of a source's own noise among the whitened innovations of the settled filter, of unit length.

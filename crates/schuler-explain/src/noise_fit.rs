@@ -181,6 +181,19 @@ fn climbed(
     (here - start).is_finite().then_some((logs, here - start))
 }
 
+/// A spectrum does not tell a white level from another one in part of the rows: of the logarithm of their ratio the record tells as much as of
+/// that of the level in these rows, whatever the other levels are.
+fn tell_levels_apart(information: &mut DMatrix<f64>, knobs: &[SourceKnob]) {
+    for (ratio, &(source, _)) in knobs.iter().enumerate().filter(|(_, (_, knob))| *knob == Knob::StepRatio) {
+        let own = information[(ratio, ratio)];
+        for (other, knob) in knobs.iter().enumerate().filter(|(other, _)| *other != ratio) {
+            let both = if *knob == (source, Knob::White) { own } else { 0.0 };
+            information[(ratio, other)] = both;
+            information[(other, ratio)] = both;
+        }
+    }
+}
+
 /// Newton's step, which takes some information about every combination of parameters for granted.
 fn newton_step(information: DMatrix<f64>, slopes: &DVector<f64>) -> DVector<f64> {
     let eigen = information.symmetric_eigen();
@@ -294,6 +307,7 @@ pub fn polish(
                 information[(axis, axis)] = own;
             }
         }
+        tell_levels_apart(&mut information, knobs);
         let step = newton_step(information, &gradient);
         let promised = 0.5 * gradient.dot(&step);
         if promised < PROMISE || here + DOUBTED * promised < least {

@@ -9,6 +9,7 @@
 //! Noise comes from *sources*: one a sensor, and two more for the loop's accelerometer and gyro. Everything is in SI
 //! units.
 use std::borrow::Cow;
+use std::sync::Arc;
 
 use nalgebra::{Complex, DMatrix, DVector};
 use schuler_recording::Recording;
@@ -19,9 +20,11 @@ use schuler_recording::unit::{Dimension, Unit};
 
 use crate::catalogue::{Column, Port};
 use crate::common_motion::CommonMotion;
+use crate::inputs::Loudness;
 use crate::inputs::series::Series;
-use crate::noise::Noise;
+use crate::noise::{Noise, RowsOfLevel};
 use crate::onset_energy::{self, Shapes};
+use crate::statistics::median;
 use crate::whiten::{Filter, Space};
 
 /// Standard deviations of the loop's velocity error, m/s, and vertical error, rad, at the start.
@@ -93,6 +96,8 @@ pub struct Block {
     pub data: Vec<f64>,
     /// Rows that are present.
     pub present: Vec<bool>,
+    /// Quantities that its white level may go with.
+    pub loudness: Arc<[Loudness]>,
     geometry: Geometry,
     step_s: f64,
 }
@@ -119,6 +124,14 @@ pub struct Model {
 }
 
 impl Model {
+    /// Lets the white levels go with quantities.
+    pub fn goes_with(&mut self, loudness: &[Loudness]) {
+        let loudness: Arc<[Loudness]> = loudness.into();
+        for block in &mut self.blocks {
+            block.loudness = loudness.clone();
+        }
+    }
+
     /// The nominal model of `recording`, without the readings in `masked` (one list of flags a sensor).
     ///
     /// # Errors
@@ -389,7 +402,16 @@ impl Model {
             self.sources.truncate(sources.first().copied().unwrap_or(self.sources.len()));
             return;
         }
-        self.blocks.push(Block { sensors, sources, channels, data, present, geometry, step_s: self.step_s });
+        self.blocks.push(Block {
+            sensors,
+            sources,
+            channels,
+            data,
+            present,
+            loudness: Arc::default(),
+            geometry,
+            step_s: self.step_s,
+        });
     }
 }
 
@@ -593,6 +615,48 @@ impl Block {
         Some(Shapes { weights, transition, seen, starts })
     }
 
+    /// Whether the one sensor of the block has another white level where a quantity is large.
+    pub fn has_level(&self, noises: &[Noise]) -> bool {
+        let of_source = |&source: &usize| noises.get(source).and_then(|noise| noise.step);
+        let step = self.sources.first().filter(|_| self.is_of_one_sensor()).and_then(of_source);
+        step.is_some_and(|step| matches!(step.rows, RowsOfLevel::Above { .. }))
+    }
+
+    /// Brings the data of one sensor to one white level, where it is louder in some rows: by how much is seen on what each row is off the mean
+    /// of its neighbours, the middle one of which knows of no spikes.
+    pub fn level(&mut self, noises: &[Noise]) {
+        let Some(step) = self.sources.first().and_then(|&source| noises.get(source)?.step) else { return };
+        if !self.has_level(noises) {
+            return;
+        }
+        let louder = self.rows_of_level(step.rows);
+        let level_of = |is_louder: bool| {
+            let alike = |row: &usize| {
+                let three = louder.get(row - 1..=row + 1);
+                three.is_some_and(|three| three.iter().all(|louder| *louder == is_louder))
+            };
+            let off = |row: usize| (self.data[row] - 0.5 * (self.data[row - 1] + self.data[row + 1])).abs();
+            let rows = 1..self.rows().saturating_sub(1);
+            let mut off: Vec<f64> = rows.filter(alike).map(off).filter(|off| off.is_finite()).collect();
+            (off.len() >= FEWEST_ROWS).then(|| median(&mut off))
+        };
+        let seen = level_of(true).zip(level_of(false)).map(|(louder, other)| louder / other);
+        let ratio = seen.filter(|ratio| ratio.is_finite() && *ratio > 0.0).unwrap_or(step.ratio);
+        let scaled = self.data.iter_mut().zip(&*louder).filter(|(_, louder)| **louder);
+        scaled.for_each(|(value, _)| *value /= ratio);
+    }
+
+    /// The rows that have another white level.
+    fn rows_of_level(&self, rows: RowsOfLevel) -> Arc<[bool]> {
+        match rows {
+            RowsOfLevel::From(first) => (0..self.rows()).map(|row| row >= first).collect(),
+            RowsOfLevel::Above { quantity, value } => match self.loudness.get(quantity) {
+                Some(loudness) => loudness.values.iter().map(|&of_row| of_row > value).collect(),
+                None => Arc::default(),
+            },
+        }
+    }
+
     /// The model in state-space form with the given noises of all sources.
     pub fn space(&self, noises: &[Noise]) -> Space {
         let parts: Vec<_> = self.sources.iter().map(|&source| noises[source].states(self.step_s)).collect();
@@ -607,7 +671,7 @@ impl Block {
             start: vec![0.0; n * n],
             seen: vec![0.0; m * n],
             white: vec![0.0; m * m],
-            white_from: None,
+            other_white: None,
         };
         if let Geometry::Loop(step) = &self.geometry {
             for i in 0..2 {
@@ -663,10 +727,10 @@ impl Block {
                 }
             }
         }
-        let white = |after: bool| {
+        let white = |other: bool| {
             let variance_of = |place: usize, source: usize| {
                 let noise = &noises[source];
-                let ratio = noise.step.filter(|_| after).map_or(1.0, |step| step.ratio);
+                let ratio = noise.step.filter(|_| other).map_or(1.0, |step| step.ratio);
                 let rounding = noise.white_variance() - noise.white * noise.white;
                 if matches!(self.geometry, Geometry::Loop(_)) && place > 0 {
                     0.0
@@ -690,8 +754,8 @@ impl Block {
             white
         };
         space.white = white(false);
-        space.white_from =
-            self.sources.iter().find_map(|&source| noises[source].step).map(|step| (step.row, white(true)));
+        let step = self.sources.iter().find_map(|&source| noises[source].step);
+        space.other_white = step.map(|step| (self.rows_of_level(step.rows), white(true)));
         space
     }
 

@@ -209,8 +209,9 @@ mod tests {
         let white = Space { channels: 1, white: vec![0.04], ..Space::default() };
         for space in noises().iter().map(space_of).chain([white]) {
             for changes_at in [None, Some(40), Some(250), Some(500)] {
-                let white_from = changes_at.map(|row| (row, vec![4.0 * space.white[0]]));
-                let filter = Filter::new(&Space { white_from, ..space.clone() }, &present).unwrap();
+                let since = |from: usize| (0..rows).map(|row| row >= from).collect();
+                let other_white = changes_at.map(|row| (since(row), vec![4.0 * space.white[0]]));
+                let filter = Filter::new(&Space { other_white, ..space.clone() }, &present).unwrap();
                 let [step, ramp] = onset_energies(&filter, std::slice::from_ref(&shapes)).swap_remove(0);
                 for onset in (0..rows).step_by(7).chain([199, 200, 289, 290, 579, 599]) {
                     let since = |row: usize| row.checked_sub(onset).map(|since| since as f64);

@@ -20,8 +20,9 @@ use statrs::function::gamma::ln_gamma;
 
 use crate::catalogue::{Candidate, Column, Port, ReadingFault, Search};
 use crate::description::{Term, blocks_of, remainder};
-use crate::nominal::{Block, Model};
-use crate::statistics::ln_chi_squared_tail;
+use crate::noise::Noise;
+use crate::nominal::{Block, Model, of_input};
+use crate::statistics::{ln_chi_squared_tail, median};
 
 /// Shortest run of equal readings that may be a stuck output.
 const SHORTEST_RUN: usize = 20;
@@ -54,6 +55,8 @@ pub const OFF_LATTICE: f64 = 1e-3;
 const LEAST_STANDOFF: f64 = 4.5;
 /// Largest standoff that says more than a smaller one.
 const LARGEST_STANDOFF: f64 = 1e3;
+/// Deviations within which readings at a limit are alike.
+const ALIKE_AT_LIMIT: f64 = 5.0;
 /// Standoff from which on spikes are compared with a reading.
 const LEAST_COMPARED: f64 = 2.5;
 /// Evidence below which readings that stand off are left as they are: one sensor in five thousand shows as much by chance.
@@ -107,30 +110,38 @@ pub struct Faults {
     masked_without_spikes: Vec<Vec<bool>>,
     /// Steps of the lattices that were found, by sensor.
     steps: Vec<f64>,
+    /// Sensors of which some spikes are where a limit would be, and are left to the search.
+    clipped: Vec<usize>,
 }
 
 impl Faults {
     /// Takes the spikes back that do not stand off from what `terms` with their amplitudes describe: what an effect moves for one
     /// reading, as a dead zone that is passed within a step, is none, and where a mean jumps on and off one that is on or off for a
-    /// single reading. `model` is that of all readings.
+    /// single reading. What is louder in part of the rows has fewer than its readings as a whole. `model` is that of all readings.
     pub fn spikes_beside(
         &mut self,
         model: &Model,
         candidates: &[Candidate],
-        terms: &[Term],
+        (terms, noises): (&[Term], &[Noise]),
         amplitudes: &DVector<f64>,
     ) {
         let jumps = jumps(model, candidates, terms, amplitudes);
-        for index in blocks_of(model, terms) {
+        let mut blocks = blocks_of(model, terms);
+        blocks.extend(self.clipped.iter().filter_map(|&sensor| model.block_of(sensor)));
+        blocks.sort_unstable();
+        blocks.dedup();
+        for index in blocks {
             let own = &model.blocks[index].sensors;
             let is_own = |fault: &Fault| fault.fault == ReadingFault::Outliers && own.contains(&fault.sensor);
-            let before: Vec<usize> =
-                self.found.iter().filter(|fault| is_own(fault)).map(|fault| fault.sensor).collect();
+            let told = self.found.iter().filter(|fault| is_own(fault)).map(|fault| fault.sensor);
+            let clipped = self.clipped.iter().copied().filter(|sensor| own.contains(sensor));
+            let before: Vec<usize> = told.chain(clipped).collect();
             if before.is_empty() {
                 continue;
             }
             let mut block = model.blocks[index].clone();
             block.data = remainder(model, index, terms, amplitudes);
+            block.level(noises);
             let mut left = spikes(model, &block, &self.steps, &self.masked_without_spikes);
             if take_single_stays_off(&mut block, &jumps, &left) {
                 left = spikes(model, &block, &self.steps, &self.masked_without_spikes);
@@ -140,6 +151,32 @@ impl Faults {
                 left.into_iter().map(|(fault, _)| fault).filter(|fault| before.contains(&fault.sensor)),
             );
         }
+    }
+
+    /// Gives the spikes back that are none in readings which `noises` are louder in; whether there are such.
+    pub fn spikes_of_levels(&mut self, model: &Model, noises: &[Noise]) -> bool {
+        let mut any = false;
+        for block in model.blocks.iter().filter(|block| block.has_level(noises)) {
+            let mut block = block.clone();
+            block.level(noises);
+            let is_own = |fault: &Fault| {
+                fault.fault == ReadingFault::Outliers && block.sensors.contains(&fault.sensor)
+            };
+            if !self.found.iter().any(is_own) {
+                continue;
+            }
+            let left = spikes(model, &block, &self.steps, &self.masked_without_spikes);
+            for &sensor in &block.sensors {
+                let own = left.iter().filter(|(fault, _)| fault.sensor == sensor);
+                let mut masked = self.masked_without_spikes[sensor].clone();
+                own.flat_map(|(_, rows)| rows).for_each(|&row| masked[row] = true);
+                any |= masked != self.masked[sensor];
+                self.masked[sensor] = masked;
+            }
+            self.found.retain(|fault| !is_own(fault));
+            self.found.extend(left.into_iter().map(|(fault, _)| fault));
+        }
+        any
     }
 }
 
@@ -218,13 +255,22 @@ pub fn faults(recording: &Recording, model: &Model) -> Faults {
     let spikes: Vec<(Fault, Vec<usize>)> =
         model.blocks.par_iter().flat_map_iter(|block| spikes(model, block, &steps, &masked)).collect();
     let masked_without_spikes = masked.clone();
-    for (fault, rows) in spikes {
-        for row in rows {
+    let mut clipped = Vec::new();
+    for (mut fault, mut rows) in spikes {
+        let at_limit = at_limits(recording, model, fault.sensor, &rows);
+        if !at_limit.is_empty() {
+            clipped.push(fault.sensor);
+            rows.retain(|row| !at_limit.contains(row));
+            fault.parameters = vec![("count", rows.len() as f64, false)];
+        }
+        for &row in &rows {
             masked[fault.sensor][row] = true;
         }
-        found.push(fault);
+        if !rows.is_empty() {
+            found.push(fault);
+        }
     }
-    Faults { found, masked, masked_without_spikes, steps }
+    Faults { found, masked, masked_without_spikes, steps, clipped }
 }
 
 /// What the readings of a sensor show alone, and the rows spoilt by it. `block` is the one that the sensor is in.
@@ -470,6 +516,27 @@ pub fn lattice(values: &[f64]) -> Option<Lattice> {
     found.then_some(Lattice { step, levels: levels.len() })
 }
 
+/// Those of the spikes of a sensor that a limit of its output explains: they are its readings at its largest inputs, which are known, all on
+/// one level, which no other input passes. That a spike is just there is as improbable as there are readings.
+fn at_limits(recording: &Recording, model: &Model, sensor: usize, spikes: &[usize]) -> Vec<usize> {
+    let block = model.block_of(sensor).map(|block| &model.blocks[block]);
+    let source = model.source_of(sensor, Port::Output).map(|source| &model.sources[source]);
+    let (Some(block), Some(source)) = (block.filter(|block| block.is_of_one_sensor()), source) else {
+        return Vec::new();
+    };
+    let within = ALIKE_AT_LIMIT * source.nominal.white_variance().sqrt();
+    let readings = of_input(recording, &[], sensor);
+    let input = |row: usize| readings[row] - block.data[row];
+    let mut known: Vec<usize> = (0..block.rows()).filter(|&row| block.present[row]).collect();
+    known.sort_by(|&a, &b| input(b).abs().total_cmp(&input(a).abs()));
+    let is_clipped = |row: &&usize| spikes.contains(*row) && input(**row) * block.data[**row] < 0.0;
+    let clipped: Vec<usize> = known.iter().take_while(is_clipped).copied().collect();
+    let levels = || clipped.iter().map(|&row| readings[row].abs());
+    let (least, most) = (levels().fold(f64::INFINITY, f64::min), levels().fold(0.0, f64::max));
+    let next = known.get(clipped.len()).map_or(f64::INFINITY, |&row| input(row).abs());
+    if most - least < within && least > next - within { clipped } else { Vec::new() }
+}
+
 /// Readings of a block that stand off from their neighbours on both sides, with their rows.
 ///
 /// Of sensors that are only compared with each other a spike may be any one's; an inertial velocity, which is an integral, has
@@ -599,17 +666,6 @@ fn most_evidence(standoffs: &mut [(usize, f64)], rows: usize) -> Option<(usize, 
         }
     }
     best
-}
-
-/// The middle value, of an even number the mean of both; the order is lost.
-fn median(values: &mut [f64]) -> f64 {
-    let middle = values.len() / 2;
-    if middle == 0 {
-        return values.first().copied().unwrap_or_default();
-    }
-    let odd = values.len() % 2 == 1;
-    let (below, upper, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
-    if odd { *upper } else { 0.5 * (*upper + below.iter().copied().fold(f64::NEG_INFINITY, f64::max)) }
 }
 
 #[cfg(test)]

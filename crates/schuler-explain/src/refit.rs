@@ -12,7 +12,7 @@ use crate::catalogue::{Candidate, NoiseChange, OnsetShape, ReadingFault, Search}
 use crate::description::{Term, nonlinear_names};
 use crate::explanation::Parameter;
 use crate::jump::mean_stays;
-use crate::noise::{Knob, VarianceStep};
+use crate::noise::{Knob, RowsOfLevel, VarianceStep};
 use crate::noise_fit::{curvature, exact, logs_of, with_logs};
 use crate::sandwich::variances;
 use crate::select::Item;
@@ -336,24 +336,39 @@ pub fn of_change(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter>
     });
     let in_si = source.unit.in_si();
     let mut parameters: Vec<Parameter> = Vec::new();
-    if let (true, Some(step)) = (change.knobs.contains(&Knob::StepRatio), state.noises[change.source].step) {
+    let step = state.noises[change.source].step.filter(|_| change.knobs.contains(&Knob::StepRatio));
+    if let Some(VarianceStep { rows: RowsOfLevel::Above { quantity, value }, .. }) = step
+        && let Some(loudness) = case.model.blocks[index].loudness.get(quantity)
+    {
+        parameters.push(Parameter {
+            name: "above".to_owned(),
+            value: Some(value),
+            sigma: None,
+            unit: Some(loudness.unit.to_owned()),
+            text: None,
+            plausible: None,
+        });
+    }
+    if let Some(step) = step
+        && let RowsOfLevel::From(first) = step.rows
+    {
         let sigma = bench.blocks[index].as_ref().map(|whitened| {
             let likelihood = |row: usize| {
                 let mut noises = state.noises.clone();
-                noises[change.source].step = Some(VarianceStep { row, ..step });
+                noises[change.source].step = Some(VarianceStep { rows: RowsOfLevel::From(row), ..step });
                 exact(&case.model.blocks[index], &noises, &whitened.projected)
             };
-            let best = likelihood(step.row);
-            let rows = [(-1.0, step.row), (1.0, case.time_s.len().saturating_sub(step.row + 1))];
+            let best = likelihood(first);
+            let rows = [(-1.0, first), (1.0, case.time_s.len().saturating_sub(first + 1))];
             let widest = rows.map(|(side, room)| {
-                let moved = |distance: f64| (step.row as f64 + side * distance).round() as usize;
+                let moved = |distance: f64| (first as f64 + side * distance).round() as usize;
                 distance_of_fall(1.0, room as f64, |distance| best - likelihood(moved(distance)))
             });
             (widest[0].max(widest[1]) / 3.0).max(0.5) * case.model.step_s
         });
         parameters.push(Parameter {
             name: "onset_s".to_owned(),
-            value: case.time_s.get(step.row).copied(),
+            value: case.time_s.get(first).copied(),
             sigma,
             unit: Some("s".to_owned()),
             text: None,

@@ -2,13 +2,20 @@
 use crate::catalogue::{Candidate, Effect};
 use crate::explanation::Parameter;
 
+/// The parameter that names what a noise level goes with.
+pub const QUANTITY: &str = "quantity";
+
 /// What the catalogue says of a sensor with the effect, as its parameters have it: a delay below zero is no delay, and
-/// what comes late then is the reference.
+/// what comes late then is the reference; and a noise level that goes with a quantity is not one that changes once.
 pub fn said(effect: &Effect, sensor: &str, parameters: &[Parameter]) -> String {
     let text = effect.sentence;
     // The catalogue's sentence may name the sensor itself.
     let said =
         if text.contains("{sensor}") { text.replace("{sensor}", sensor) } else { format!("{sensor} {text}") };
+    let quantity = parameters.iter().find(|parameter| parameter.name == QUANTITY);
+    if let Some(quantity) = quantity.and_then(|quantity| quantity.text.as_deref()) {
+        return format!("{said} with the {quantity}");
+    }
     if is_early(parameters) { said.replace("comes late", "comes early, or its reference late") } else { said }
 }
 
@@ -109,5 +116,14 @@ mod tests {
         assert_eq!(said(effect, "log", &delay(-1.46)), "log comes early, or its reference late");
         assert_eq!(quoted(&delay(-1.46))[0].value, Some(1.46));
         assert_eq!(quoted(&delay(0.3))[0].value, Some(0.3));
+    }
+
+    #[test]
+    fn what_a_noise_level_goes_with_is_said() {
+        let effect = CATALOGUE.iter().find(|effect| effect.id == "noise_variance_step").expect("a row");
+        let (name, text) = (QUANTITY.to_owned(), Some("turn rate".to_owned()));
+        let quantity = Parameter { name, value: None, sigma: None, unit: None, text, plausible: None };
+        assert_eq!(said(effect, "log", &[]), "log changes its noise level");
+        assert_eq!(said(effect, "log", &[quantity]), "log changes its noise level with the turn rate");
     }
 }

@@ -153,7 +153,11 @@ impl<'c> Case<'c> {
     /// the sensor's having so much noise in the mean.
     pub fn told_of_change(&self, change: NoiseChange, with: &[Noise], without: &[Noise]) -> f64 {
         let told = self.beside_residuals(with) - self.beside_residuals(without);
-        if change == NoiseChange::VarianceStep { told.min(0.0) } else { told }
+        if matches!(change, NoiseChange::VarianceStep | NoiseChange::LevelAbove(_)) {
+            told.min(0.0)
+        } else {
+            told
+        }
     }
 
     /// What tells terms of a candidate apart whose signature was made from the readings and not from parameters.

@@ -174,6 +174,17 @@ pub fn ljung_box(innovations: &[f64], lags: usize) -> f64 {
     chi_squared_tail(statistic, lags)
 }
 
+/// The middle value, of an even number the mean of both; the order is lost.
+pub fn median(values: &mut [f64]) -> f64 {
+    let middle = values.len() / 2;
+    if middle == 0 {
+        return values.first().copied().unwrap_or_default();
+    }
+    let odd = values.len() % 2 == 1;
+    let (below, upper, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
+    if odd { *upper } else { 0.5 * (*upper + below.iter().copied().fold(f64::NEG_INFINITY, f64::max)) }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

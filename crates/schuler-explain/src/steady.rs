@@ -92,7 +92,7 @@ impl Settled {
         let (n, m) = (space.states, space.channels);
         let covariance = settled(space, white)?;
         let start = covariance.as_slice().to_vec();
-        let at_rest = Space { start, white: white.to_vec(), white_from: None, ..space.clone() };
+        let at_rest = Space { start, white: white.to_vec(), other_white: None, ..space.clone() };
         let [one, two] = [1, 2].map(|rows| Filter::new(&at_rest, &vec![true; rows]));
         let (one, two) = (one?, two?);
         let rows = present.len() as f64;
@@ -126,11 +126,12 @@ impl Steady {
     /// costs less.
     pub fn new(space: &Space, present: &[bool]) -> Option<Self> {
         let n = space.states;
-        let changes_at = space.white_from.as_ref().map(|(row, _)| *row);
         let mut of_rows: Vec<Range<usize>> = Vec::new();
         for (row, _) in present.iter().enumerate().filter(|(_, present)| **present) {
             match of_rows.last_mut() {
-                Some(last) if last.end == row && changes_at != Some(row) => last.end += 1,
+                Some(last) if last.end == row && space.is_other(row) == space.is_other(last.start) => {
+                    last.end += 1;
+                }
                 _ => of_rows.push(row..row + 1),
             }
         }
@@ -145,11 +146,11 @@ impl Steady {
         let longest = of_rows.iter().map(ExactSizeIterator::len).max()?;
         let longest_gap = (0..of_rows.len()).map(gap_before).max()?;
         let space = space.in_units(&space.units(&space.start));
-        let white = std::iter::once(&space.white).chain(space.white_from.as_ref().map(|(_, white)| white));
+        let white = std::iter::once(&space.white).chain(space.other_white.as_ref().map(|(_, white)| white));
         let levels: Vec<Settled> = white
             .map(|white| Settled::new(&space, white, present, [longest, longest_gap]))
             .collect::<Option<_>>()?;
-        let level_at = |row: usize| usize::from(changes_at.is_some_and(|at| row >= at));
+        let level_at = |row: usize| usize::from(space.is_other(row));
         // Δ where each stretch begins.
         let off = |(place, rows): (usize, &Range<usize>)| {
             let own = &levels[level_at(rows.start)];
@@ -297,8 +298,9 @@ mod tests {
             for present in [&whole, &gaps] {
                 assert_same(&space, present);
                 for changes_at in [3, 900, 1500, 2500, 4000, 5995] {
-                    let white_from = Some((changes_at, vec![space.white[0] * 4.0]));
-                    assert_same(&Space { white_from, ..space.clone() }, present);
+                    let since = (0..rows).map(|row| row >= changes_at).collect();
+                    let other_white = Some((since, vec![space.white[0] * 4.0]));
+                    assert_same(&Space { other_white, ..space.clone() }, present);
                 }
             }
         }
@@ -316,7 +318,7 @@ mod tests {
             start: vec![0.0; 25],
             seen: vec![1.0, -1.0, 0.0, 1.0, 0.0, 0.5, 0.5, -1.0, 0.5, 0.0],
             white: vec![0.3, 0.1, 0.1, 0.2],
-            white_from: None,
+            other_white: None,
         };
         for i in 0..3 {
             space.transition[6 * i] = 1.0;
@@ -331,6 +333,7 @@ mod tests {
         }
         let present: Vec<bool> = (0..3000).map(|row| row % 211 != 0 && !(700..1300).contains(&row)).collect();
         assert_same(&space, &present);
-        assert_same(&Space { white_from: Some((1700, vec![0.9, 0.1, 0.1, 0.2])), ..space }, &present);
+        let in_turns = (0..3000).map(|row| row % 500 > 380).collect();
+        assert_same(&Space { other_white: Some((in_turns, vec![0.9, 0.1, 0.1, 0.2])), ..space }, &present);
     }
 }

@@ -9,6 +9,7 @@
 //! few states the code is of fixed sizes.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use nalgebra::DMatrix;
 
@@ -52,11 +53,16 @@ pub struct Space {
     pub seen: Vec<f64>,
     /// Covariance of the white noise.
     pub white: Vec<f64>,
-    /// Row from which on the white noise has another covariance.
-    pub white_from: Option<(usize, Vec<f64>)>,
+    /// Rows in which the white noise has another covariance, and that.
+    pub other_white: Option<(Arc<[bool]>, Vec<f64>)>,
 }
 
 impl Space {
+    /// Whether the white noise of a row has the other covariance.
+    pub fn is_other(&self, row: usize) -> bool {
+        self.other_white.as_ref().is_some_and(|(rows, _)| rows.get(row).copied().unwrap_or_default())
+    }
+
     /// The spread of each state, that of a `covariance` included.
     pub fn units(&self, covariance: &[f64]) -> Vec<f64> {
         let n = self.states;
@@ -635,7 +641,7 @@ fn square<const N: usize>(flat: &[f64], size: usize) -> Square<N> {
 /// The covariance half of a filter.
 trait Covariance {
     /// Takes a measurement in; adds K and W to `gains` and gives ln det S. `None` where S is singular.
-    fn measure(&mut self, changed: bool, gains: &mut Vec<f64>) -> Option<f64>;
+    fn measure(&mut self, other: bool, gains: &mut Vec<f64>) -> Option<f64>;
     /// Goes on by a step.
     fn propagate(&mut self);
     /// Whether the variances have not changed over the last measurement and step.
@@ -665,15 +671,14 @@ fn gains(
         count: 0,
     };
     let size = n * m + m * m;
-    let changes_at = space.white_from.as_ref().map(|(row, _)| *row);
     let mut last = MISSING;
     let mut settled = false;
-    let mut changed = false;
+    let mut other = false;
     let mut log_variance = 0.0;
     let mut row = 0;
     while let Some(&is_present) = present.get(row) {
-        if changes_at == Some(row) {
-            changed = true;
+        if space.is_other(row) != other {
+            other = !other;
             settled = false;
         }
         if !is_present {
@@ -684,17 +689,15 @@ fn gains(
             continue;
         }
         if !settled && n > 0 {
-            let goes_on = present[row..].iter().take_while(|present| **present).count();
-            let until_change = changes_at.and_then(|at| at.checked_sub(row)).filter(|&rows| rows > 0);
-            let rows = goes_on.min(until_change.unwrap_or(goes_on));
-            let white =
-                space.white_from.as_ref().filter(|_| changed).map_or(&space.white, |(_, white)| white);
+            let goes_on = |&at: &usize| present[at] && space.is_other(at) == other;
+            let rows = (row..present.len()).take_while(goes_on).count();
+            let white = space.other_white.as_ref().filter(|_| other).map_or(&space.white, |(_, white)| white);
             let start = covariance.predicted();
             let found = (rows >= long_rows)
                 .then(|| {
                     course(space, white, &start, rows, |predicted, gain| {
                         covariance.set(predicted);
-                        covariance.measure(changed, gain)
+                        covariance.measure(other, gain)
                     })
                 })
                 .flatten();
@@ -715,7 +718,7 @@ fn gains(
         }
         if !settled {
             last = (filter.gains.len() / size) as u32;
-            log_variance = covariance.measure(changed, &mut filter.gains)?;
+            log_variance = covariance.measure(other, &mut filter.gains)?;
             if !log_variance.is_finite() {
                 return None;
             }
@@ -739,7 +742,7 @@ struct Few<const N: usize> {
     transition: Transition<N>,
     driven: Square<N>,
     seen: [f64; N],
-    /// Before and after the change.
+    /// Its variance, and the other one.
     white: [f64; 2],
     states: usize,
     covariance: Square<N>,
@@ -758,7 +761,7 @@ fn gains_of_few<const N: usize>(space: &Space, present: &[bool], long_rows: usiz
         ),
         white: [
             white,
-            space.white_from.as_ref().and_then(|(_, white)| white.first().copied()).unwrap_or(white),
+            space.other_white.as_ref().and_then(|(_, white)| white.first().copied()).unwrap_or(white),
         ],
         states: n,
         covariance: square(&space.start, n),
@@ -768,12 +771,12 @@ fn gains_of_few<const N: usize>(space: &Space, present: &[bool], long_rows: usiz
 }
 
 impl<const N: usize> Covariance for Few<N> {
-    fn measure(&mut self, changed: bool, gains: &mut Vec<f64>) -> Option<f64> {
+    fn measure(&mut self, other: bool, gains: &mut Vec<f64>) -> Option<f64> {
         self.before = std::array::from_fn(|i| self.covariance[i][i]);
         let mut scaled =
             self.covariance.map(|row| row.iter().zip(&self.seen).map(|(p, h)| p * h).sum::<f64>());
         let own: f64 = self.seen.iter().zip(&scaled).map(|(h, ph)| h * ph).sum();
-        let variance = self.white[usize::from(changed)] + own;
+        let variance = self.white[usize::from(other)] + own;
         if variance.is_nan() || variance <= 0.0 {
             return None;
         }
@@ -873,11 +876,11 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 impl Covariance for Many<'_> {
-    fn measure(&mut self, changed: bool, gains: &mut Vec<f64>) -> Option<f64> {
+    fn measure(&mut self, other: bool, gains: &mut Vec<f64>) -> Option<f64> {
         let (n, m) = (self.space.states, self.space.channels);
         let seen = &self.space.seen;
-        let later = self.space.white_from.as_ref().filter(|_| changed);
-        let white = later.map_or(&self.space.white, |(_, white)| white);
+        let another = self.space.other_white.as_ref().filter(|_| other);
+        let white = another.map_or(&self.space.white, |(_, white)| white);
         for (i, before) in self.before.iter_mut().enumerate() {
             *before = self.covariance[i * n + i];
         }
@@ -1005,7 +1008,7 @@ mod tests {
             start: vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
             seen: vec![1.0, 1.0, 0.0, -0.4, 0.8, 0.0],
             white: vec![0.3, 0.1, 0.1, 0.2],
-            white_from: Some((17, vec![0.9, 0.1, 0.1, 0.2])),
+            other_white: Some(((0..200).map(|row| row >= 17).collect(), vec![0.9, 0.1, 0.1, 0.2])),
         }
     }
 
@@ -1033,8 +1036,8 @@ mod tests {
                 }
                 let mut part = &h * &cross * h.transpose();
                 if i == j {
-                    let white = match &space.white_from {
-                        Some((from, white)) if i >= *from => white,
+                    let white = match &space.other_white {
+                        Some((rows, white)) if rows[i] => white,
                         _ => &space.white,
                     };
                     part += DMatrix::from_row_slice(m, m, white);
@@ -1088,7 +1091,7 @@ mod tests {
     /// A gain that no longer changes is kept once, and whitens as those that are computed row after row.
     #[test]
     fn a_settled_gain_changes_nothing() {
-        let space = Space { white_from: None, ..space() };
+        let space = Space { other_white: None, ..space() };
         let settling = Filter::new(&space, &[true; 3000]).unwrap();
         assert!(settling.gains.len() / (3 * 2 + 4) < 300);
         let every = Filter::of_every_row(&space, &[true; 3000]).unwrap();

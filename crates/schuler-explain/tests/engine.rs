@@ -1137,6 +1137,118 @@ fn what_is_beside_a_limit_is_told() {
     assert!(0.01 * limited > stepped, "{limited} {stepped}");
 }
 
+/// A unit that is shaken by the faster ones of the turns of a table: four times the noise there.
+fn shaken(seed: u64, stated: f64) -> Recording {
+    let mut random = Pcg64::seed_from_u64(seed);
+    let rates: Vec<f64> = (0..ROWS).map(|row| [0.001, -0.008, 0.003, 0.0095, -0.002][row / 30 % 5]).collect();
+    let mut reading = |rate: &f64| -> f64 {
+        let noise: f64 = StandardNormal.sample(&mut random);
+        rate + 3e-5 * if rate.abs() > 0.005 { 4.0 } else { 1.0 } * noise
+    };
+    let values: Vec<f64> = rates.iter().map(&mut reading).collect();
+    let nominal = Nominal { white: stated, ..Nominal::default() };
+    let kind = (SensorKind::Fog, Unit::RadianPerSecond);
+    let gyro = common::series("gyro", kind, [1.0, 0.0, 0.0], nominal, values);
+    let mut recording = common::recording(MotionKind::Recorded, vec![gyro]);
+    recording.motion.rate = Some([rates, vec![0.0; ROWS], vec![0.0; ROWS]]);
+    recording
+}
+
+/// Noise that is louder in turns is one finding, whatever level the case states, and no steps of the level, spikes or slow noise.
+#[test]
+fn a_noise_level_that_goes_with_the_turns_is_told_of_them() {
+    let named = |trial: u64| {
+        let stated = [3e-5, 1e-4, 2e-5][(trial % 3) as usize];
+        let recording = shaken(8700 + trial, stated);
+        let answer = explain(&recording, &Options { hold_out: false, ..Options::default() }).unwrap();
+        let told: Vec<&str> = answer.findings.iter().map(|finding| finding.effect.as_str()).collect();
+        assert_eq!(told, ["noise_variance_step"], "trial {trial}: {:?}", answer.findings);
+        let parameters = &answer.findings[0].parameters;
+        let parameter = |name: &str| parameters.iter().find(|parameter| parameter.name == name).unwrap();
+        let is_near = |name: &str, value: f64, part: f64| {
+            let found = parameter(name).value.unwrap();
+            assert!((found / value - 1.0).abs() < part, "trial {trial}: {name} {found}");
+        };
+        assert_eq!(parameter("quantity").text.as_deref(), Some("turn rate"));
+        // Between the largest rate of the quiet turns and the least of the others.
+        is_near("above", 0.0055, 0.01);
+        is_near("ratio", 4.0, 0.15);
+        is_near("sigma", 3e-5, 0.1);
+    };
+    (0..9_u64).into_par_iter().for_each(named);
+}
+
+/// What follows the input is louder where the input is large, and is told by its form.
+#[test]
+fn what_follows_the_turns_is_no_noise_level() {
+    let named = |trial: u64| {
+        let mut random = Pcg64::seed_from_u64(8750 + trial);
+        let rates: Vec<f64> = (0..ROWS).map(|row| 0.01 * wave(row as f64, 240.0)).collect();
+        let mut reading = |rate: &f64| -> f64 {
+            let noise: f64 = StandardNormal.sample(&mut random);
+            rate + 3e-3 * rate.abs() + 3e-5 * noise
+        };
+        let values: Vec<f64> = rates.iter().map(&mut reading).collect();
+        let nominal = Nominal { white: 3e-5, ..Nominal::default() };
+        let kind = (SensorKind::Fog, Unit::RadianPerSecond);
+        let gyro = common::series("gyro", kind, [1.0, 0.0, 0.0], nominal, values);
+        let mut recording = common::recording(MotionKind::Recorded, vec![gyro]);
+        recording.motion.rate = Some([rates, vec![0.0; ROWS], vec![0.0; ROWS]]);
+        let answer = explain(&recording, &Options { hold_out: false, ..Options::default() }).unwrap();
+        let told: Vec<&str> = answer.findings.iter().map(|finding| finding.effect.as_str()).collect();
+        assert_eq!(told, ["scale_factor_asymmetry"], "trial {trial}");
+    };
+    (0..6_u64).into_par_iter().for_each(named);
+}
+
+/// Readings that are rounded, of a gyro that has more noise than the case says: what holds more noise would be the likelier at the stated level,
+/// and a rounded angle holds twice that of rounded readings.
+#[test]
+fn rounded_readings_with_more_noise_than_stated_are_no_rounded_angle() {
+    for (seed, step) in [(1, 0.8), (2, 1.0), (3, 1.5)] {
+        let values: Vec<f64> =
+            (noise(9600 + seed, ROWS).iter()).map(|value| step * (value / step).round()).collect();
+        let nominal = Nominal { white: 0.6, ..Nominal::default() };
+        let kind = (SensorKind::Rlg, Unit::RadianPerSecond);
+        let gyro = common::series("gyro", kind, [1.0, 0.0, 0.0], nominal, values);
+        let mut recording = common::recording(MotionKind::Recorded, vec![gyro]);
+        recording.motion.rate = Some([vec![0.0; ROWS], vec![0.0; ROWS], vec![0.0; ROWS]]);
+        let answer = explain(&recording, &Options { hold_out: false, ..Options::default() }).unwrap();
+        let told: Vec<&str> = answer.findings.iter().map(|finding| finding.effect.as_str()).collect();
+        assert!(
+            told.contains(&"quantisation") && !told.contains(&"noise_angle_quantisation"),
+            "{step}: {told:?}"
+        );
+    }
+}
+
+/// One reading is clipped: it stands off alone, and is where the input is largest, on a level that no other input passes. A spike elsewhere is
+/// a spike.
+#[test]
+fn a_single_reading_beyond_a_limit_is_clipped_and_no_spike() {
+    let (white, peak) = (1e-6, ROWS / 3);
+    let off_peak = |row: usize| row as f64 - peak as f64;
+    let rates: Vec<f64> = (0..ROWS)
+        .map(|row| 4e-3 + 0.01 * (0.05 * off_peak(row)).cos() - 2e-6 * off_peak(row).abs())
+        .collect();
+    for (at, told) in [(peak, "output_saturated"), (2 * ROWS / 3, "noise_outliers")] {
+        let mut random = Pcg64::seed_from_u64(8800);
+        let mut reading = |(row, rate): (usize, &f64)| {
+            let noise: f64 = StandardNormal.sample(&mut random);
+            rate - if row == at { 1e-5 } else { 0.0 } + white * noise
+        };
+        let values: Vec<f64> = rates.iter().enumerate().map(&mut reading).collect();
+        let nominal = Nominal { white, ..Nominal::default() };
+        let kind = (SensorKind::Fog, Unit::RadianPerSecond);
+        let gyro = common::series("gyro", kind, [1.0, 0.0, 0.0], nominal, values);
+        let mut recording = common::recording(MotionKind::Recorded, vec![gyro]);
+        recording.motion.rate = Some([rates.clone(), vec![0.0; ROWS], vec![0.0; ROWS]]);
+        let answer = explain(&recording, &Options { hold_out: false, ..Options::default() }).unwrap();
+        let found: Vec<&str> = answer.findings.iter().map(|finding| finding.effect.as_str()).collect();
+        assert_eq!(found, [told], "{:?}", answer.findings);
+    }
+}
+
 /// A mean that jumps may be on for one reading, and off for one.
 #[test]
 fn a_jump_of_one_reading_is_no_spike() {

@@ -148,6 +148,8 @@ pub enum NoiseChange {
     AngleQuantisation,
     /// White level changes at a time.
     VarianceStep,
+    /// White level is another where a quantity is large, by its place among those of [`Inputs::loudness`](crate::inputs::Inputs::loudness).
+    LevelAbove(usize),
 }
 
 /// What readings show without a model.

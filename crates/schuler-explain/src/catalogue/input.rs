@@ -21,7 +21,7 @@ const DEAD_ZONE_PARTS: usize = 40;
 
 /// A limit is passed by so many readings at least, and by that part of them at most; and how many limits are tried for each tenfold
 /// of the readings that pass.
-const FEWEST_PASSED: f64 = 3.0;
+const FEWEST_PASSED: f64 = 1.0;
 const CLIPPED_PART: f64 = 0.9;
 const LIMITS_PER_DECADE: f64 = 6.0;
 
@@ -200,7 +200,10 @@ pub(super) fn clipped_inputs(effect: &'static Effect, inputs: &Inputs<'_>) -> Ve
     }
     at_each_place(effect, inputs, |place| {
         let Some(input) = varying(place).cloned() else { return Vec::new() };
-        let grid = limits(&input);
+        let mut grid = limits(&input);
+        // Of a few readings that pass it the limit is known within their noise, which may be little beside what lies between two inputs.
+        grid.extend(level_at_largest(inputs, place, &input));
+        grid.sort_by(f64::total_cmp);
         if grid.len() < 2 {
             return Vec::new();
         }
@@ -213,6 +216,15 @@ pub(super) fn clipped_inputs(effect: &'static Effect, inputs: &Inputs<'_>) -> Ve
 /// A parameter that is a value of the input.
 fn of_input_value(place: &Place, name: &'static str, grid: Vec<f64>) -> Nonlinear {
     Nonlinear { name, unit: place.dimension().si_unit().name(), grid }
+}
+
+/// What the sensor reads at its largest input, where that is less.
+fn level_at_largest(inputs: &Inputs<'_>, place: &Place, input: &[f64]) -> Option<f64> {
+    let readings = inputs.readings_of(place);
+    let rows = (0..input.len()).filter(|&row| readings[row].is_finite() && input[row].is_finite());
+    let largest = rows.max_by(|&a, &b| input[a].abs().total_cmp(&input[b].abs()))?;
+    let level = readings[largest] * input[largest].signum();
+    (level > 0.0 && level < input[largest].abs()).then_some(level)
 }
 
 /// The limits of an input that are tried: each is passed by more readings than the next, by a few first and by most at last.

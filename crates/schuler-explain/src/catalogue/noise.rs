@@ -2,6 +2,7 @@
 use super::draft::{Draft, any, at_each_place, inertial};
 use super::{Candidate, Effect, NoiseChange, ReadingFault, Search};
 use crate::inputs::{Inputs, Place};
+use crate::sentence::QUANTITY;
 
 const IEEE_952: &str = "IEEE Std 952, annex C (stochastic model and Allan variance)";
 
@@ -75,15 +76,27 @@ noise!(
     inertial,
     NoiseChange::AngleQuantisation
 );
-noise!(
-    NOISE_VARIANCE_STEP,
-    "noise_variance_step",
-    "white level changes at t₀",
-    "changes its noise level at a time",
-    "repeat the run",
-    any,
-    NoiseChange::VarianceStep
-);
+pub(super) const NOISE_VARIANCE_STEP: Effect = Effect {
+    id: "noise_variance_step",
+    formula: "white level changes at t₀, or where a quantity is large",
+    sentence: "changes its noise level",
+    needs: "nothing",
+    separated_by: "repeat the run",
+    source: IEEE_952,
+    acts_on: any,
+    candidates: |effect, inputs| {
+        at_each_place(effect, inputs, |place| {
+            let mut drafts = vec![Draft::new(Search::Noise(NoiseChange::VarianceStep), Vec::new())];
+            if place.port == super::Port::Output {
+                drafts.extend(inputs.loudness().iter().enumerate().map(|(quantity, loudness)| {
+                    Draft::new(Search::Noise(NoiseChange::LevelAbove(quantity)), Vec::new())
+                        .with(QUANTITY, loudness.name)
+                }));
+            }
+            drafts
+        })
+    },
+};
 
 pub(super) const NOISE_OUTLIERS: Effect = Effect {
     id: "noise_outliers",

@@ -30,7 +30,8 @@ pub use series::Series;
 pub use thermometer::Thermometer;
 
 use crate::catalogue::Port;
-use motion::along;
+use crate::nominal;
+use motion::{Vectors, along};
 use series::{bridged, map, mean, range};
 
 /// A gap longer than this, s, and than [`RESTART_STEPS`] steps is a switch-off.
@@ -99,6 +100,27 @@ pub struct Gradient {
     pub distance_m: Option<f64>,
     /// Difference over distance, K/m; difference, K, where the distance is not known.
     pub values: Series,
+}
+
+/// A quantity that a white level may go with.
+#[derive(Clone, Debug)]
+pub struct Loudness {
+    /// Name.
+    pub name: &'static str,
+    /// Unit of the values.
+    pub unit: &'static str,
+    /// One value a row.
+    pub values: Series,
+    /// The rows, that with the largest value first.
+    pub descending: Arc<[usize]>,
+}
+
+impl Loudness {
+    fn new(name: &'static str, unit: &'static str, values: Series) -> Self {
+        let mut rows: Vec<usize> = (0..values.len()).collect();
+        rows.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
+        Self { name, unit, values, descending: rows.into() }
+    }
 }
 
 /// A named series on which the residual may depend.
@@ -237,6 +259,11 @@ impl<'r> Inputs<'r> {
             .unwrap_or_default()
     }
 
+    /// What the sensor of a place reads, as its input by what the user believes of it; NaN where it is missing.
+    pub fn readings_of(&self, place: &Place) -> Vec<f64> {
+        nominal::of_input(self.recording, &[], place.sensor)
+    }
+
     /// The thermometers at the electronics of a place, by their name.
     pub fn electronics_at(&self, place: &Place) -> Vec<&Thermometer> {
         let own: Vec<&str> = self.thermometers_at(place).iter().map(|own| own.column.as_str()).collect();
@@ -340,6 +367,36 @@ impl<'r> Inputs<'r> {
     /// Whether the motion is that of a Schuler loop.
     pub fn is_loop(&self) -> bool {
         self.recording.case.motion.kind == MotionKind::VelocityError
+    }
+
+    /// What the white level of a sensor may go with: how fast the body turns, how fast it goes, and what shakes it.
+    pub fn loudness(&self) -> Vec<Loudness> {
+        let motion = &self.motion;
+        let norm = |vectors: &Vectors, of: &dyn Fn(f64) -> f64| -> Vec<f64> {
+            let [x, y, z] = vectors;
+            let rows = x.iter().zip(&**y).zip(&**z);
+            rows.map(|((x, y), z)| of((x * x + y * y + z * z).sqrt())).collect()
+        };
+        let weight = motion::gravity(self.recording);
+        let of_body = [
+            ("turn rate", "rad/s", motion.rate.as_ref().map(|rate| norm(rate, &|it| it))),
+            (
+                "angular acceleration",
+                "rad/s^2",
+                motion.angular_acceleration.as_ref().map(|it| norm(it, &|it| it)),
+            ),
+            ("speed", "m/s", motion.velocity.as_ref().map(|velocity| norm(velocity, &|it| it))),
+            (
+                "change of the specific force",
+                "m/s^2",
+                motion.force.as_ref().map(|f| norm(f, &|it| (it - weight).abs())),
+            ),
+        ];
+        let of_body = of_body.into_iter().filter(|_| !motion.estimated);
+        of_body
+            .filter_map(|(name, unit, values)| Some(Loudness::new(name, unit, values?.into())))
+            .filter(|loudness| series::varies(&loudness.values))
+            .collect()
     }
 
     /// Every series on which a residual may be tested for dependence.
