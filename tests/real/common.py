@@ -84,9 +84,8 @@ class Fit:
                 coefficients, sigma = autoregression(residual, order)
                 sigmas = np.full(len(y) - order, sigma)
                 if shaken is not None:
-                    for _ in range(3):
-                        sigmas = by_eighths(whiten(residual, coefficients), shaken[order:])
-                        coefficients, _ = autoregression(residual, order, sigmas)
+                    sigmas = by_eighths(whiten(residual, coefficients), shaken[order:])
+                    coefficients, _ = autoregression(residual, order, sigmas)
                 wy, wx = whiten(y, coefficients) / sigmas, whiten(X, coefficients) / sigmas[:, None]
                 known = np.isfinite(wy) & np.isfinite(wx).all(axis=1)
                 normal += wx[known].T @ wx[known]

@@ -34,7 +34,7 @@ const AGREED: [&str; 12] = [
     "auv_doppler_ins/leg01",
     "auv_doppler_ins/leg02",
     "auv_doppler_ins/leg03",
-    "auv_doppler_ins/leg06",
+    "auv_doppler_ins/leg04",
     "gyro_array/exp1_poses_3_units",
     "gyro_array/exp3_poses_3_units",
 ];
