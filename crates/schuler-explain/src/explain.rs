@@ -1,4 +1,6 @@
 //! Why a recording does not look like its simulation: the whole way from a recording to an [`Explanation`].
+use std::sync::Arc;
+
 use rayon::prelude::*;
 use schuler_recording::Recording;
 use schuler_recording::case::MotionKind;
@@ -179,12 +181,12 @@ fn explained<S>(
         return Err(Error::Level(options.level.to_string()));
     }
     let loudness = inputs.loudness();
-    let unmasked = model_without(&[], recording, &loudness)?;
+    let unmasked = model_without(&[], recording, loudness)?;
     let mut faults = faults(recording, &unmasked);
     let angles: Vec<Fault> = faults.found.extract_if(.., |fault| is_of_angle(&unmasked, fault)).collect();
     let of_angle: Vec<usize> = angles.iter().map(|fault| fault.sensor).collect();
     let prepared = |faults: &Faults| -> Result<Model, Error> {
-        let mut model = model_without(&faults.masked, recording, &loudness)?;
+        let mut model = model_without(&faults.masked, recording, loudness)?;
         model.common_motions = CommonMotion::of_model(&model, recording, &faults.masked);
         account_for_lattices(&mut model, recording, &of_angle);
         Ok(model)
@@ -279,7 +281,11 @@ fn explained<S>(
 }
 
 /// The nominal model without the readings in `masked`, whose white levels may go with quantities.
-fn model_without(masked: &[Vec<bool>], recording: &Recording, loudness: &[Loudness]) -> Result<Model, Error> {
+fn model_without(
+    masked: &[Vec<bool>],
+    recording: &Recording,
+    loudness: &Arc<[Loudness]>,
+) -> Result<Model, Error> {
     let mut model = Model::new(recording, masked).map_err(Error::NothingToCompare)?;
     model.goes_with(loudness);
     Ok(model)

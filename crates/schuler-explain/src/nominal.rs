@@ -125,8 +125,7 @@ pub struct Model {
 
 impl Model {
     /// Lets the white levels go with quantities.
-    pub fn goes_with(&mut self, loudness: &[Loudness]) {
-        let loudness: Arc<[Loudness]> = loudness.into();
+    pub fn goes_with(&mut self, loudness: &Arc<[Loudness]>) {
         for block in &mut self.blocks {
             block.loudness = loudness.clone();
         }

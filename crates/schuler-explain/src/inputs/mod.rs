@@ -17,7 +17,7 @@ pub mod series;
 pub mod smoother;
 pub mod thermometer;
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -69,6 +69,8 @@ pub struct Inputs<'r> {
     pub possible_run_starts: Vec<usize>,
     /// Differences of temperatures that were asked for, by their columns.
     differences: Arc<Mutex<Vec<Difference>>>,
+    /// What white levels may go with, where that was asked for.
+    loudness: OnceLock<Arc<[Loudness]>>,
 }
 
 /// Columns of two thermometers, their difference, K, and its mean variance, K².
@@ -185,6 +187,7 @@ impl<'r> Inputs<'r> {
             run_starts,
             possible_run_starts,
             differences: Arc::default(),
+            loudness: OnceLock::new(),
         }
     }
 
@@ -370,7 +373,11 @@ impl<'r> Inputs<'r> {
     }
 
     /// What the white level of a sensor may go with: how fast the body turns, how fast it goes, and what shakes it.
-    pub fn loudness(&self) -> Vec<Loudness> {
+    pub fn loudness(&self) -> &Arc<[Loudness]> {
+        self.loudness.get_or_init(|| self.of_motion())
+    }
+
+    fn of_motion(&self) -> Arc<[Loudness]> {
         let motion = &self.motion;
         let norm = |vectors: &Vectors, of: &dyn Fn(f64) -> f64| -> Vec<f64> {
             let [x, y, z] = vectors;
