@@ -939,6 +939,26 @@ fn lags_from_far_below_a_step_to_beyond_what_is_plausible_are_searched() {
     assert!(difference(&scene, &values, |t| -1e-4 * wx_dot(t), 5.0) < 2e-2);
 }
 
+/// A vessel that sways within three steps, read half a step early: four rows about the time have 63 % of the sway.
+#[test]
+fn a_late_velocity_keeps_what_sways_within_a_few_steps() {
+    let sway: fn(f64) -> f64 = |t| 2.0 + 0.05 * (2.2 * t).sin();
+    let still: fn(f64) -> f64 = |_| 0.0;
+    let mut scene = Scene::new(MotionKind::Recorded, 401, 1.0).sensor(
+        "d",
+        SensorKind::Doppler,
+        Unit::MetrePerSecond,
+        [1.0, 0.0, 0.0],
+    );
+    scene.0.motion.attitude_rad = Some(scene.columns([still, still, still]));
+    scene.0.motion.velocity_ned = Some(scene.columns([sway, still, still]));
+    let inputs = Inputs::new(&scene.0);
+    let values = column(&at(&inputs, "time_delay", 0, &[])[0], &[-0.5], 0, inputs.rows());
+    let moved = |t: f64| 2.0 + 0.05 * (2.2 * (t + 0.5)).sin() - (2.0 + 0.05 * (2.2 * t).sin());
+    let off = (20..380).map(|row| (values[row] - moved(row as f64)).abs()).fold(0.0, f64::max);
+    assert!(off < 0.05 * 0.02, "{off}");
+}
+
 #[test]
 fn a_schuler_loop_has_accelerometer_gyro_and_velocity() {
     let mut scene = Scene::new(MotionKind::VelocityError, 7201, 1.0)

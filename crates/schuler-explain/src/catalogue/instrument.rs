@@ -10,7 +10,7 @@ use super::draft::{Draft, Instrument, any, displaced, gyros, instruments, logari
 use super::input::varying;
 use super::{Candidate, Column, Effect, Nonlinear, Port, Search, Signature, Target};
 use crate::inputs::motion::{along, of_rows, row_of};
-use crate::inputs::series::{delayed, derivative, lagged_smooth, rms, varies};
+use crate::inputs::series::{delayed, delayed_closely, derivative, lagged_smooth, rms, varies};
 use crate::inputs::{Inputs, Place, Series};
 
 /// Smallest delay and lag searched, s, unless still less shows.
@@ -52,21 +52,14 @@ pub(super) const TIME_DELAY: Effect = Effect {
             }
         };
         let delay = |place: &Place| Nonlinear { name: "delay_s", unit: "s", grid: grid(place) };
-        let signature = |time_s: &[f64], input: &[f64], delay_s: f64| -> Vec<f64> {
-            let late = delayed(time_s, input, delay_s);
-            let beyond = straight_on(time_s, input, delay_s);
-            (late.into_iter().zip(time_s).zip(input))
-                .map(|((late, &time), now)| late.unwrap_or_else(|| beyond(time)) - now)
-                .collect()
-        };
         // The components of a velocity are made by one instrument at one time.
         let alone = |place: &Place| place.dimension() != Dimension::Velocity;
-        let mut found = whole_and_alone(effect, inputs, alone, delay, signature);
+        let mut found = whole_and_alone(effect, inputs, alone, delay, late);
         found.extend(inputs.places.iter().filter_map(|place| {
             let input = reference_in_loop(inputs, place)?;
             let of_loop = Place { input: Some(input), ..place.clone() };
             let instrument = Instrument { target: Target::Sensor(place.sensor), places: vec![&of_loop] };
-            shared(effect, inputs, &instrument, delay(place), signature)
+            shared(effect, inputs, &instrument, delay(place), late(place))
         }));
         found
     },
@@ -108,7 +101,7 @@ pub(super) const BANDWIDTH_LAG: Effect = Effect {
         let signature = |time_s: &[f64], input: &[f64], tau_s: f64| -> Vec<f64> {
             lagged_smooth(time_s, input, tau_s).iter().zip(input).map(|(lagged, now)| lagged - now).collect()
         };
-        whole_and_alone(effect, inputs, |_| true, parameter, signature)
+        whole_and_alone(effect, inputs, |_| true, parameter, |_| signature)
     },
 };
 
@@ -226,12 +219,12 @@ fn searched(inputs: &Inputs<'_>, place: &Place, most: f64) -> Vec<f64> {
 
 /// The candidates of every instrument for a signature of its sensors' own inputs with one parameter and no amplitude, and those of each
 /// sensor of a group that can have a lag or a delay of its own, `alone`.
-fn whole_and_alone(
+fn whole_and_alone<S: Fn(&[f64], &[f64], f64) -> Vec<f64> + Copy + Send + Sync + 'static>(
     effect: &'static Effect,
     inputs: &Inputs<'_>,
     alone: impl Fn(&Place) -> bool,
     parameter: impl Fn(&Place) -> Nonlinear,
-    signature: impl Fn(&[f64], &[f64], f64) -> Vec<f64> + Copy + Send + Sync + 'static,
+    signature: impl Fn(&Place) -> S,
 ) -> Vec<Candidate> {
     let instruments = instruments(effect, inputs, |place| varying(place).is_some());
     let several = instruments.iter().filter(|instrument| instrument.places.len() > 1);
@@ -242,8 +235,8 @@ fn whole_and_alone(
     let alone: Vec<Instrument<'_>> = alone.collect();
     (instruments.iter().chain(&alone))
         .filter_map(|instrument| {
-            let parameter = parameter(instrument.places.first()?);
-            shared(effect, inputs, instrument, parameter, signature)
+            let first = instrument.places.first()?;
+            shared(effect, inputs, instrument, parameter(first), signature(first))
         })
         .collect()
 }
@@ -267,6 +260,19 @@ fn shared(
     let search = Search::Grid { parameters: vec![parameter], signature: Box::new(of), unit_amplitude: true };
     let draft = Draft::new(search, vec![number("part", "1", 1.0, None)]);
     Some(draft.of(effect, instrument.target.clone(), port))
+}
+
+/// What a delay does to the input of a place. A velocity sways within a few steps and does not jump, as the rate of a table does: with four
+/// rows the sway in the middle between two is too small, and what it lacks looks like a scale factor.
+fn late(place: &Place) -> impl Fn(&[f64], &[f64], f64) -> Vec<f64> + Copy + Send + Sync + use<> {
+    let closely = place.dimension() == Dimension::Velocity;
+    move |time_s, input, delay_s| {
+        let late = if closely { delayed_closely } else { delayed }(time_s, input, delay_s);
+        let beyond = straight_on(time_s, input, delay_s);
+        (late.into_iter().zip(time_s).zip(input))
+            .map(|((late, &time), now)| late.unwrap_or_else(|| beyond(time)) - now)
+            .collect()
+    }
 }
 
 /// The input straight on from the end of the record at which t − d lies beyond it, by a step's slope and no further than
