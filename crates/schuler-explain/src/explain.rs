@@ -1,6 +1,4 @@
 //! Why a recording does not look like its simulation: the whole way from a recording to an [`Explanation`].
-use std::sync::Arc;
-
 use rayon::prelude::*;
 use schuler_recording::Recording;
 use schuler_recording::case::MotionKind;
@@ -19,7 +17,7 @@ use crate::explanation::{
     Evidence, Explanation, FORMAT, Finding, Fit, NoiseShift, Parameter, Rival, Verdict,
 };
 use crate::hold_out::hold_out;
-use crate::inputs::{Inputs, Loudness};
+use crate::inputs::Inputs;
 use crate::locate;
 use crate::minimise::golden;
 use crate::noise::{Knob, Noise, RowsOfLevel};
@@ -180,18 +178,11 @@ fn explained<S>(
     if !(options.level > 0.0 && options.level < 1.0) {
         return Err(Error::Level(options.level.to_string()));
     }
-    let loudness = inputs.loudness();
-    let unmasked = model_without(&[], recording, loudness)?;
+    let unmasked = model_without(&[], inputs)?;
     let mut faults = faults(recording, &unmasked);
     let angles: Vec<Fault> = faults.found.extract_if(.., |fault| is_of_angle(&unmasked, fault)).collect();
     let of_angle: Vec<usize> = angles.iter().map(|fault| fault.sensor).collect();
-    let prepared = |faults: &Faults| -> Result<Model, Error> {
-        let mut model = model_without(&faults.masked, recording, loudness)?;
-        model.common_motions = CommonMotion::of_model(&model, recording, &faults.masked);
-        account_for_lattices(&mut model, recording, &of_angle);
-        Ok(model)
-    };
-    let mut model = prepared(&faults)?;
+    let mut model = prepared(&unmasked, &faults, &of_angle, inputs)?;
     candidates.retain(|candidate| acts(&model, candidate) && !is_spoilt(candidate, &faults.found, recording));
     let nuisances = estimate_unknown(&mut model);
     let noises = model.nominal_noises();
@@ -211,7 +202,7 @@ fn explained<S>(
     // Readings that are louder where something shakes the sensor had been taken for spikes; and what was read beyond the record the search
     // took to go straight on.
     let louder = if faults.spikes_of_levels(&unmasked, &selection.state.noises) {
-        let mut louder = prepared(&faults)?;
+        let mut louder = prepared(&unmasked, &faults, &of_angle, inputs)?;
         louder.sources.clone_from(&model.sources);
         Some(louder)
     } else {
@@ -281,13 +272,23 @@ fn explained<S>(
 }
 
 /// The nominal model without the readings in `masked`, whose white levels may go with quantities.
-fn model_without(
-    masked: &[Vec<bool>],
-    recording: &Recording,
-    loudness: &Arc<[Loudness]>,
+fn model_without(masked: &[Vec<bool>], inputs: &Inputs<'_>) -> Result<Model, Error> {
+    let mut model = Model::new(inputs.recording, masked).map_err(Error::NothingToCompare)?;
+    model.goes_with(inputs.loudness());
+    Ok(model)
+}
+
+/// The same without the readings that faults spoil, with what its sensors have in common and the lattices of their readings.
+fn prepared(
+    unmasked: &Model,
+    faults: &Faults,
+    of_angle: &[usize],
+    inputs: &Inputs<'_>,
 ) -> Result<Model, Error> {
-    let mut model = Model::new(recording, masked).map_err(Error::NothingToCompare)?;
-    model.goes_with(loudness);
+    let mut model =
+        if faults.found.is_empty() { unmasked.clone() } else { model_without(&faults.masked, inputs)? };
+    model.common_motions = CommonMotion::of_model(&model, inputs.recording, &faults.masked);
+    account_for_lattices(&mut model, inputs.recording, of_angle);
     Ok(model)
 }
 

@@ -1080,6 +1080,16 @@ fn the_threshold_of_a_dead_zone_is_found_between_the_points_of_any_grid() {
     (0..8_u64).into_par_iter().for_each(named);
 }
 
+/// A gyro beside the rate that it should read.
+fn beside_rate(rates: Vec<f64>, white: f64, values: Vec<f64>) -> Recording {
+    let nominal = Nominal { white, ..Nominal::default() };
+    let kind = (SensorKind::Fog, Unit::RadianPerSecond);
+    let gyro = common::series("gyro", kind, [1.0, 0.0, 0.0], nominal, values);
+    let mut recording = common::recording(MotionKind::Recorded, vec![gyro]);
+    recording.motion.rate = Some([rates, vec![0.0; ROWS], vec![0.0; ROWS]]);
+    recording
+}
+
 /// A torquer that can no more is clipped before the noise, a converter after it, and a gyro may have both.
 #[test]
 fn a_limit_is_found_before_the_noise_and_after_it() {
@@ -1095,11 +1105,7 @@ fn a_limit_is_found_before_the_noise_and_after_it() {
             clipped(clipped(rate, before) + white * noise, after)
         };
         let values: Vec<f64> = rates.iter().map(&mut reading).collect();
-        let nominal = Nominal { white, ..Nominal::default() };
-        let kind = (SensorKind::Fog, Unit::RadianPerSecond);
-        let gyro = common::series("gyro", kind, [1.0, 0.0, 0.0], nominal, values);
-        let mut recording = common::recording(MotionKind::Recorded, vec![gyro]);
-        recording.motion.rate = Some([rates.clone(), vec![0.0; ROWS], vec![0.0; ROWS]]);
+        let recording = beside_rate(rates.clone(), white, values);
         let answer = explain(&recording, &Options { hold_out: false, ..Options::default() }).unwrap();
         let told: Vec<&str> = answer.findings.iter().map(|finding| finding.effect.as_str()).collect();
         assert_eq!(told, ["output_saturated"], "trial {trial}");
@@ -1124,11 +1130,7 @@ fn what_is_beside_a_limit_is_told() {
         rate.clamp(-limit, limit) + white * noise + if row >= ROWS / 2 { step } else { 0.0 }
     };
     let values: Vec<f64> = rates.iter().enumerate().map(&mut reading).collect();
-    let kind = (SensorKind::Fog, Unit::RadianPerSecond);
-    let nominal = Nominal { white, ..Nominal::default() };
-    let gyro = common::series("gyro", kind, [1.0, 0.0, 0.0], nominal, values);
-    let mut recording = common::recording(MotionKind::Recorded, vec![gyro]);
-    recording.motion.rate = Some([rates, vec![0.0; ROWS], vec![0.0; ROWS]]);
+    let recording = beside_rate(rates, white, values);
     let answer = explain(&recording, &Options { hold_out: false, ..Options::default() }).unwrap();
     let told: Vec<&str> = answer.findings.iter().map(|finding| finding.effect.as_str()).collect();
     assert_eq!(told, ["output_saturated", "bias_step"], "{:?}", answer.notes);
@@ -1146,12 +1148,7 @@ fn shaken(seed: u64, stated: f64) -> Recording {
         rate + 3e-5 * if rate.abs() > 0.005 { 4.0 } else { 1.0 } * noise
     };
     let values: Vec<f64> = rates.iter().map(&mut reading).collect();
-    let nominal = Nominal { white: stated, ..Nominal::default() };
-    let kind = (SensorKind::Fog, Unit::RadianPerSecond);
-    let gyro = common::series("gyro", kind, [1.0, 0.0, 0.0], nominal, values);
-    let mut recording = common::recording(MotionKind::Recorded, vec![gyro]);
-    recording.motion.rate = Some([rates, vec![0.0; ROWS], vec![0.0; ROWS]]);
-    recording
+    beside_rate(rates, stated, values)
 }
 
 /// Noise that is louder in turns is one finding, whatever level the case states, and no steps of the level, spikes or slow noise.
@@ -1189,11 +1186,7 @@ fn what_follows_the_turns_is_no_noise_level() {
             rate + 3e-3 * rate.abs() + 3e-5 * noise
         };
         let values: Vec<f64> = rates.iter().map(&mut reading).collect();
-        let nominal = Nominal { white: 3e-5, ..Nominal::default() };
-        let kind = (SensorKind::Fog, Unit::RadianPerSecond);
-        let gyro = common::series("gyro", kind, [1.0, 0.0, 0.0], nominal, values);
-        let mut recording = common::recording(MotionKind::Recorded, vec![gyro]);
-        recording.motion.rate = Some([rates, vec![0.0; ROWS], vec![0.0; ROWS]]);
+        let recording = beside_rate(rates, 3e-5, values);
         let answer = explain(&recording, &Options { hold_out: false, ..Options::default() }).unwrap();
         let told: Vec<&str> = answer.findings.iter().map(|finding| finding.effect.as_str()).collect();
         assert_eq!(told, ["scale_factor_asymmetry"], "trial {trial}");
@@ -1238,11 +1231,7 @@ fn a_single_reading_beyond_a_limit_is_clipped_and_no_spike() {
             rate - if row == at { 1e-5 } else { 0.0 } + white * noise
         };
         let values: Vec<f64> = rates.iter().enumerate().map(&mut reading).collect();
-        let nominal = Nominal { white, ..Nominal::default() };
-        let kind = (SensorKind::Fog, Unit::RadianPerSecond);
-        let gyro = common::series("gyro", kind, [1.0, 0.0, 0.0], nominal, values);
-        let mut recording = common::recording(MotionKind::Recorded, vec![gyro]);
-        recording.motion.rate = Some([rates.clone(), vec![0.0; ROWS], vec![0.0; ROWS]]);
+        let recording = beside_rate(rates.clone(), white, values);
         let answer = explain(&recording, &Options { hold_out: false, ..Options::default() }).unwrap();
         let found: Vec<&str> = answer.findings.iter().map(|finding| finding.effect.as_str()).collect();
         assert_eq!(found, [told], "{:?}", answer.findings);
@@ -1281,11 +1270,7 @@ fn a_dead_zone_that_is_passed_within_a_step_has_no_spikes() {
             (if rate.abs() < threshold { 0.0 } else { *rate }) + white * noise
         };
         let values = rates.iter().map(&mut reading).collect();
-        let nominal = Nominal { white, ..Nominal::default() };
-        let kind = (SensorKind::Fog, Unit::RadianPerSecond);
-        let gyro = common::series("gyro", kind, [1.0, 0.0, 0.0], nominal, values);
-        let mut recording = common::recording(MotionKind::Recorded, vec![gyro]);
-        recording.motion.rate = Some([rates.clone(), vec![0.0; ROWS], vec![0.0; ROWS]]);
+        let recording = beside_rate(rates.clone(), white, values);
         let unexplained = faults(&recording, &Model::new(&recording, &[]).unwrap()).found;
         let answer = explain(&recording, &Options { hold_out: false, ..Options::default() }).unwrap();
         let told: Vec<&str> = answer.findings.iter().map(|finding| finding.effect.as_str()).collect();

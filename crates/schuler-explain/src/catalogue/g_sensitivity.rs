@@ -16,7 +16,7 @@ const TUMBLE_45: &str =
 
 /// A row on one component of the specific force.
 macro_rules! on_force {
-    ($name:ident, $id:literal, $formula:literal, $sentence:literal, $acts_on:expr, $axis:expr, $plausible:expr) => {
+    ($name:ident, $id:literal, $formula:literal, $sentence:literal, $axis:expr, $plausible:expr) => {
         pub(super) const $name: Effect = Effect {
             id: $id,
             formula: $formula,
@@ -24,7 +24,7 @@ macro_rules! on_force {
             needs: "attitude or acceleration varies",
             separated_by: TUMBLE,
             source: IEEE_813,
-            acts_on: $acts_on,
+            acts_on: gyros,
             candidates: |effect, inputs| on_force(effect, inputs, $axis, Plausible::gyro($plausible)),
         };
     };
@@ -35,7 +35,6 @@ on_force!(
     "g_mass_unbalance",
     "k·f_i",
     "drifts with the specific force along its input axis",
-    gyros,
     |axes| axes.input,
     [0.05, 5.0]
 );
@@ -44,7 +43,6 @@ on_force!(
     "g_quadrature",
     "k·f_o",
     "drifts with the specific force along its other input axis",
-    gyros,
     |axes| axes.other,
     [0.02, 0.5]
 );
@@ -53,7 +51,6 @@ on_force!(
     "g_spin",
     "k·f_s",
     "drifts with the specific force along its spin axis",
-    gyros,
     |axes| axes.spin,
     [0.01, 0.2]
 );
