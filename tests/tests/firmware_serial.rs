@@ -248,7 +248,7 @@ fn a_step_that_overruns_is_flagged_and_counted() {
     if common::skipped("a_step_that_overruns_is_flagged_and_counted") {
         return;
     }
-    let slow = ["-icount", "shift=10,sleep=off"];
+    let slow = ["-icount", "shift=10"];
     let mut emulator = common::launch(Image::Serial, &slow).wait_for_banner().unwrap();
     emulator.configure(&ModuleConfig::default()).unwrap();
     emulator.set_pace(Pace::Clock { period_ms: 1 }).unwrap();

@@ -1,8 +1,8 @@
 //! Arm MPS2 with image AN386 (Arm DAI 0386), as emulated by QEMU: a Cortex-M4F at 25 MHz with CMSDK peripherals
 //! (Arm DDI 0479). Link on UART 0, log on UART 1.
 //!
-//! The watchdog asks first, by the non-maskable interrupt after four seconds, and resets after four more: long against
-//! a step, because an emulator on a busy machine may stand still for seconds.
+//! The watchdog asks first, by the non-maskable interrupt after a minute, and resets after another: long against a step,
+//! because an emulator on a busy machine may stand still for many seconds, and its clock goes on meanwhile.
 #![allow(unsafe_code)]
 use cortex_m::interrupt::InterruptNumber;
 use cortex_m::peripheral::NVIC;
@@ -23,7 +23,7 @@ pub(super) const INTERRUPTS: usize = 32;
 /// Rate of [`clock`].
 pub const CLOCK_HZ: u32 = 25_000_000;
 
-const WATCHDOG_S: u32 = 4;
+const WATCHDOG_S: u32 = 60;
 
 // SAFETY: the addresses are those of the memory map in DAI 0386; only this file uses them.
 const TIMER: Peripheral = unsafe { Peripheral::at(0x4000_0000) };
