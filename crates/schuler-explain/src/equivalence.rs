@@ -3,7 +3,8 @@
 //! With x = (1 − ρ²) · gain the log-likelihoods of a wrong and of the true candidate differ by a normal variable with
 //! mean −x and variance 2x, so that a wrong one leads by more than c with a probability of at most Φ(−√(2c)), whatever
 //! x is: 0.7 % for c = 3. Identifiers on the same sensor within that distance of the best are the finding's class;
-//! others are its rivals. Beside them stands what a dependence on a quantity without a stated reference holds as a part, where the data
+//! others are its rivals, and so are the two of a pair that is as good as it together: a rate of the temperature with the temperature for
+//! a hysteresis. Beside them stands what a dependence on a quantity without a stated reference holds as a part, where the data
 //! show that part: with an effect of its own beside it the dependence has any reference, and is the same function.
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -21,7 +22,7 @@ use crate::nominal::Model;
 use crate::price::Price;
 use crate::refit::THREE_SIGMA_NATS;
 use crate::search::{Family, deterministic, library};
-use crate::select::{Item, add_change, blocks_with, gain_of_item, touches, without};
+use crate::select::{Item, PairInstead, add_change, blocks_with, gain_of_item, touches, without};
 use crate::state::{Bench, Case, State, refitted};
 
 /// Nats behind the best within which an identifier belongs to the class.
@@ -360,8 +361,13 @@ fn prefer_radio(case: &Case<'_>, found: &mut [Alternative]) {
     }
 }
 
-/// The class of the first of `alternatives` and its rivals.
-pub fn class(case: &Case<'_>, bench: &Bench<'_>, alternatives: &[Alternative]) -> (Vec<String>, Vec<Rival>) {
+/// The class of the first of `alternatives` and its rivals; `pairs` are of terms that describe together what it does.
+pub fn class(
+    case: &Case<'_>,
+    bench: &Bench<'_>,
+    alternatives: &[Alternative],
+    pairs: &[&PairInstead],
+) -> (Vec<String>, Vec<Rival>) {
     let Some(first) = alternatives.first() else { return (Vec::new(), Vec::new()) };
     let own = &case.candidates[first.candidate];
     let name = target_name(case.model, own);
@@ -387,7 +393,28 @@ pub fn class(case: &Case<'_>, bench: &Bench<'_>, alternatives: &[Alternative]) -
             principal_angle_deg: angle,
             behind_nats: first.evidence - other.evidence,
             separated_by: separated_by(own, candidate),
+            together_with: None,
         });
+    }
+    for PairInstead { terms, behind_nats, .. } in pairs.iter().filter(|pair| pair.behind_nats < CLASS_NATS) {
+        for (one, beside) in [(&terms[0], &terms[1]), (&terms[1], &terms[0])] {
+            let candidate = &case.candidates[one.candidate];
+            let sensor = target_name(case.model, candidate);
+            if !seen.insert((sensor.clone(), candidate.effect.id)) {
+                continue;
+            }
+            if sensor == name {
+                class.push(candidate.effect.id.to_owned());
+            }
+            rivals.push(Rival {
+                sensor,
+                effect: candidate.effect.id.to_owned(),
+                principal_angle_deg: first.term.as_ref().map_or(90.0, |term| bench.angle_deg(term, one)),
+                behind_nats: *behind_nats,
+                separated_by: separated_by(own, candidate),
+                together_with: Some(case.candidates[beside.candidate].effect.id.to_owned()),
+            });
+        }
     }
     if let Some(part) = part_of_its_own(case, bench, first)
         && seen.insert((name.clone(), part))
@@ -399,6 +426,7 @@ pub fn class(case: &Case<'_>, bench: &Bench<'_>, alternatives: &[Alternative]) -
             principal_angle_deg: 0.0,
             behind_nats: 0.0,
             separated_by: REFERENCE.to_owned(),
+            together_with: None,
         });
     }
     (class, rivals)

@@ -25,9 +25,9 @@ use crate::noise_fit::{SourceKnob, exact};
 use crate::nominal::{Block, FEWEST_ROWS, Model};
 use crate::readings::{Fault, Faults, LEAST_STEP, OFF_LATTICE, faults, lattice};
 use crate::refit::parameters;
-use crate::search::{Family, by_all_readings};
+use crate::search::{Family, by_all_readings, refine_terms};
 use crate::select::{
-    Item, MOST_FINDINGS, Selection, Shown, add_change, evidence_of, gain_of_item, judged_again, refine_terms,
+    Item, MOST_FINDINGS, PairInstead, Selection, Shown, add_change, evidence_of, gain_of_item, judged_again,
     select, without,
 };
 use crate::sentence::sentence;
@@ -662,6 +662,7 @@ fn same_in_parity(model: &Model, fault: &Fault, candidate: &Candidate) -> Vec<Ri
             principal_angle_deg: 0.0,
             behind_nats: 0.0,
             separated_by: candidate.effect.separated_by.to_owned(),
+            together_with: None,
         })
         .collect()
 }
@@ -850,7 +851,9 @@ fn finding(
     }
     let kept: Vec<Term> = less.terms.clone();
     let bench = Bench::new(case, &kept, &state.noises);
-    let (mut class, rivals) = class(case, &bench, &ways);
+    let pairs: Vec<&PairInstead> =
+        selection.pairs.iter().filter(|pair| pair.of == candidate_of(state, item)).collect();
+    let (mut class, rivals) = class(case, &bench, &ways, &pairs);
     if class.first().map(String::as_str) != Some(candidate.effect.id) {
         class.retain(|id| id != candidate.effect.id);
         class.insert(0, candidate.effect.id.to_owned());

@@ -142,6 +142,9 @@ pub struct Rival {
     pub behind_nats: f64,
     /// The experiment that would tell.
     pub separated_by: String,
+    /// Identifier of the effect that explains as much only together with it, where two do instead of one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub together_with: Option<String>,
 }
 
 /// Goodness of fit before and after.

@@ -10,7 +10,7 @@ use crate::description::remainder;
 use crate::explanation::{BeforeAfter, Fit, Goodness};
 use crate::noise::Noise;
 use crate::nominal::Model;
-use crate::select::refine_terms;
+use crate::search::refine_terms;
 use crate::state::{Case, State, refitted};
 use crate::statistics::ljung_box;
 

@@ -25,7 +25,7 @@ use crate::nominal::{Block, Model, of_input};
 use crate::statistics::{ln_chi_squared_tail, median};
 
 /// Shortest run of equal readings that may be a stuck output.
-const SHORTEST_RUN: usize = 20;
+const SHORTEST_RUN: usize = 5;
 /// Fewest readings at a limit that are more than at the next value; and fewest that are equal where others do not coincide.
 const FEWEST_PILED: usize = 8;
 const FEWEST_EQUAL: usize = 3;

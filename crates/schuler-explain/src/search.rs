@@ -19,7 +19,7 @@ use crate::nominal::{Block, Model};
 use crate::price::Price;
 use crate::scan::{Scan, Scanner};
 use crate::select::touches;
-use crate::state::{Bench, Key, State};
+use crate::state::{Bench, Case, Key, State};
 
 /// Shares of the level: linear and grid candidates, onsets, frequencies, noise, readings.
 const SHARE_LINEAR: f64 = 0.6;
@@ -240,6 +240,23 @@ pub fn promising_pairs(
         Term::new(entry.candidate, &case.candidates[entry.candidate], &entry.point, case.time_s)
     };
     pairs.into_iter().map(|(_, pair)| pair.map(term)).collect()
+}
+
+/// Refines the non-linear parameters of the terms of `wanted` candidates, each beside the others; whether there were any.
+pub fn refine_terms(case: &Case<'_>, state: &mut State, wanted: &dyn Fn(usize) -> bool) -> bool {
+    let mut refined = false;
+    for place in 0..state.terms.len() {
+        let term = &state.terms[place];
+        if term.nonlinear.is_empty() || !wanted(term.candidate) {
+            continue;
+        }
+        let mut others = state.terms.clone();
+        others.remove(place);
+        let bench = Bench::new(case, &others, &state.noises);
+        state.terms[place] = bench.refined(&state.terms[place]).0;
+        refined = true;
+    }
+    refined
 }
 
 fn promises_of_library(candidates: &[Candidate], library: &Library, family: &Family) -> Vec<Promise> {

@@ -25,6 +25,8 @@ use rayon::prelude::*;
 use crate::budget::{Budget, of_round};
 use crate::catalogue::{Candidate, NoiseChange, ReadingFault, Search, Target};
 use crate::description::{Term, blocks_of};
+use crate::explanation::Fit;
+use crate::hold_out::hold_out;
 use crate::jump::{jumps, shown_beside};
 use crate::library::{FURTHEST_ALIKE, Library, Purpose};
 use crate::noise::Knob;
@@ -32,7 +34,9 @@ use crate::noise_change::ChangeFit;
 use crate::noise_fit::whittle_jointly;
 use crate::nominal::Model;
 use crate::price::Price;
-use crate::search::{Family, Promise, Proposal, deterministic, evaluate, library, promises, promising_pairs};
+use crate::search::{
+    Family, Promise, Proposal, deterministic, evaluate, library, promises, promising_pairs, refine_terms,
+};
 use crate::state::{Accepted, Bench, Case, State, refitted, refitted_above};
 use crate::watch::Phase;
 
@@ -103,10 +107,23 @@ pub struct Selection<'c> {
     pub shown: Vec<(Item, Shown)>,
     /// By what its terms are judged.
     prices: Vec<Price>,
+    /// Pairs of terms in the place of one of its terms that are nearly as good.
+    pub pairs: Vec<PairInstead>,
     /// Nothing but constants and nuisances.
     pub null: State,
     /// Whether the search ended at its budget of work.
     pub exceeded: bool,
+}
+
+/// Two terms that describe together what one of the description does.
+#[derive(Clone, Debug)]
+pub struct PairInstead {
+    /// Candidate of the one.
+    pub of: usize,
+    /// The two.
+    pub terms: [Term; 2],
+    /// How much less the description with them is worth, nats.
+    pub behind_nats: f64,
 }
 
 /// Way on.
@@ -206,6 +223,7 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
     let mut exceeded = budget.exceeded || exceeded.contains(&true);
     let mut best =
         found.into_iter().flatten().fold(straight, |best, other| if other.0 > best.0 { other } else { best });
+    let mut pairs = Vec::new();
     for source in 0..case.model.sources.len() {
         for (start, prices) in pairs_instead(case, &best.1, source, &family, ln_level, &mut for_pairs) {
             let walked = from(start, prices, Way::Best, &mut for_pairs);
@@ -215,22 +233,24 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
             let other = valued(walked.found, &mut for_pairs);
             if other.0 > best.0 + WORTH_OTHER_TERMS {
                 best = other;
+            } else {
+                pairs.extend(two_for_one(&best.1.0, &other.1.0, best.0 - other.0));
             }
         }
     }
     exceeded |= for_pairs.exceeded;
     let (_, (state, bench, prices)) = best;
     let shown = shown_up_to(case, &state, &prices, &family, f64::INFINITY);
-    Selection { state, bench, family, shown, prices, null, exceeded }
+    Selection { state, bench, family, shown, prices, pairs, null, exceeded }
 }
 
 /// What was selected, judged in another case of the same candidates: what is no longer significant leaves.
 pub fn judged_again<'c>(case: &'c Case<'c>, selection: Selection<'_>, level: f64) -> Selection<'c> {
-    let Selection { state, family, prices, null, exceeded, .. } = selection;
+    let Selection { state, family, prices, pairs, null, exceeded, .. } = selection;
     let ((state, _), (null, _)) = (refitted(case, &state, None), refitted(case, &null, None));
     let (state, bench, prices) = pruned(case, state, prices, &family, level.ln());
     let shown = shown_up_to(case, &state, &prices, &family, f64::INFINITY);
-    Selection { state, bench, family, shown, prices, null, exceeded }
+    Selection { state, bench, family, shown, prices, pairs, null, exceeded }
 }
 
 /// Descriptions in which the terms of a source, or one of them, are replaced by two that promise as much together.
@@ -665,23 +685,6 @@ fn unknown_structure(case: &Case<'_>, mut state: State) -> State {
     state
 }
 
-/// Refines the non-linear parameters of the terms of `wanted` candidates, each beside the others; whether there were any.
-pub fn refine_terms(case: &Case<'_>, state: &mut State, wanted: &dyn Fn(usize) -> bool) -> bool {
-    let mut refined = false;
-    for place in 0..state.terms.len() {
-        let term = &state.terms[place];
-        if term.nonlinear.is_empty() || !wanted(term.candidate) {
-            continue;
-        }
-        let mut others = state.terms.clone();
-        others.remove(place);
-        let bench = Bench::new(case, &others, &state.noises);
-        state.terms[place] = bench.refined(&state.terms[place]).0;
-        refined = true;
-    }
-    refined
-}
-
 /// The blocks in whose channels a source is.
 pub fn blocks_with(model: &Model, source: usize) -> Vec<usize> {
     (0..model.blocks.len()).filter(|&block| model.blocks[block].sources.contains(&source)).collect()
@@ -712,6 +715,18 @@ pub fn add_change(state: &mut State, candidate: usize, fit: ChangeFit) {
         freedom: fit.freedom,
         ln_places: fit.ln_places,
     });
+}
+
+/// The two terms that `other` has for one of `state`, where that is all in which they differ.
+fn two_for_one(state: &State, other: &State, behind_nats: f64) -> Option<PairInstead> {
+    let only_in = |a: &State, b: &State| -> Vec<Term> {
+        let is_in_b = |term: &&Term| b.terms.iter().any(|other| other.candidate == term.candidate);
+        a.terms.iter().filter(|term| !is_in_b(term)).cloned().collect()
+    };
+    let of = only_in(state, other).try_into().ok().map(|[one]: [Term; 1]| one.candidate)?;
+    let terms = only_in(other, state).try_into().ok()?;
+    let alike = identity(state).1 == identity(other).1 && state.terms.len() + 1 == other.terms.len();
+    alike.then_some(PairInstead { of, terms, behind_nats })
 }
 
 /// The candidates that a state consists of, whatever their order.
@@ -897,9 +912,15 @@ fn pruned<'c>(
     }
 }
 
+/// As many shapes in time without a recorded cause in one source ask whether they are not noise.
+const SEVERAL: usize = 3;
+/// Where they are worth no more than this beyond noise, what is held out decides, nats.
+const UNDECIDED: f64 = 12.0;
+
 /// The description with several items of a source that have no recorded cause put as changes of its noise alone, where that is the
 /// better description for the places and parameters that it is sought in: flicker that was taken for a Markov part and a step, a random
-/// walk for a drift and three steps.
+/// walk for a drift and three steps. A walk has its steps, and as many of them as one likes describe it: where the two are nearly worth
+/// the same, the one stays that foretells better what it was not fitted to.
 fn merged<'c>(
     case: &'c Case<'c>,
     mut found: Found<'c>,
@@ -945,7 +966,12 @@ fn merged<'c>(
             (noise, noise_bench) = refitted(case, &noise, None);
         }
         let noise = pruned(case, noise, noise_prices, family, ln_level);
-        if worth(case, &noise, family) > worth(case, &found, family) {
+        let more = worth(case, &noise, family) - worth(case, &found, family);
+        let foretells_more = || {
+            let Fit { held_out, .. } = hold_out(case, &noise.0, &found.0);
+            held_out.before.nll_per_sample < held_out.after.nll_per_sample
+        };
+        if more > 0.0 || (terms >= SEVERAL && more > -UNDECIDED && foretells_more()) {
             found = noise;
         }
     }

@@ -128,6 +128,24 @@ pub(super) fn implausible(finding: &Finding) -> Option<String> {
     })
 }
 
+/// What the data cannot tell from a finding: effects of the same sensor, and two of them together.
+fn not_told_from(it: &Finding) -> Vec<String> {
+    let pair = |effect: &String| {
+        let rival = it.rivals.iter().find(|rival| rival.sensor == it.sensor && rival.effect == *effect)?;
+        let mut both = [effect, rival.together_with.as_ref()?];
+        both.sort_unstable();
+        Some(format!("{} and {} together", both[0], both[1]))
+    };
+    let mut others: Vec<String> = Vec::new();
+    for effect in it.class.iter().filter(|effect| **effect != it.effect) {
+        let told = pair(effect).unwrap_or_else(|| effect.clone());
+        if !others.contains(&told) {
+            others.push(told);
+        }
+    }
+    others
+}
+
 /// What else the data allow, as a line each.
 pub(super) fn rivals(rivals: &[Rival]) -> Vec<String> {
     let line = |RivalWords { what, how_alike, experiment }| {
@@ -157,7 +175,11 @@ pub(super) fn rival_words(rivals: &[Rival]) -> Vec<RivalWords> {
     let words = |group: Vec<&Rival>| {
         let experiment = group[0].separated_by.trim();
         let stop = if experiment.is_empty() || experiment.ends_with('.') { "" } else { "." };
-        let names: Vec<String> = group.iter().map(|it| format!("{} of {}", it.effect, it.sensor)).collect();
+        let name = |it: &&Rival| {
+            let beside = it.together_with.as_ref().map_or(String::new(), |other| format!(" with {other}"));
+            format!("{}{beside} of {}", it.effect, it.sensor)
+        };
+        let names: Vec<String> = group.iter().map(name).collect();
         let span = |of: fn(&Rival) -> f64| {
             let values = || group.iter().map(|it| of(it));
             [values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max)]
@@ -281,8 +303,7 @@ pub(super) fn text(report: &Report) -> String {
         if let Some(warning) = implausible(it) {
             text.line(3, &warning);
         }
-        let others: Vec<&str> =
-            it.class.iter().filter(|other| **other != it.effect).map(String::as_str).collect();
+        let others = not_told_from(it);
         if !others.is_empty() {
             text.line(3, &format!("The data cannot tell it from {}.", others.join(", ")));
         }
@@ -382,10 +403,12 @@ mod tests {
             principal_angle_deg,
             behind_nats,
             separated_by: separated_by.into(),
+            together_with: None,
         };
+        let line = rival("periodic_line", 90.0, 3.1, "sample faster.");
         let all = [
             rival("bias_temperature", 0.0, -1.3, "tilt it"),
-            rival("periodic_line", 90.0, 3.1, "sample faster."),
+            Rival { together_with: Some("bias_drift_linear".into()), ..line },
             rival("bias_warmup", 15.0, 0.05, "tilt it"),
         ];
         assert_eq!(
@@ -393,9 +416,36 @@ mod tests {
             [
                 "bias_temperature of gyro, bias_warmup of gyro: their signatures are 0° to 15° from that of the finding, \
                  their likelihoods 1.3 nats ahead to 0.050 nats behind. To tell: tilt it.",
-                "periodic_line of gyro: its signature is 90° from that of the finding, its likelihood 3.1 nats behind. \
+                "periodic_line with bias_drift_linear of gyro: its signature is 90° from that of the finding, its likelihood 3.1 nats behind. \
                  To tell: sample faster."
             ]
+        );
+    }
+
+    #[test]
+    fn two_that_do_as_one_are_told_together() {
+        let class = ["bias_thermal_lag", "bias_warmup", "bias_temperature", "bias_temperature_rate"];
+        let rival = |effect: &str, together_with: Option<&str>| Rival {
+            sensor: "gyro_x".into(),
+            effect: effect.into(),
+            principal_angle_deg: 40.0,
+            behind_nats: 0.5,
+            separated_by: "soak at two temperatures".into(),
+            together_with: together_with.map(Into::into),
+        };
+        let it = Finding {
+            effect: class[0].into(),
+            class: class.map(Into::into).to_vec(),
+            rivals: vec![
+                rival(class[1], None),
+                rival(class[2], Some(class[3])),
+                rival(class[3], Some(class[2])),
+            ],
+            ..example()
+        };
+        assert_eq!(
+            not_told_from(&it),
+            ["bias_warmup", "bias_temperature and bias_temperature_rate together"]
         );
     }
 
