@@ -801,6 +801,21 @@ mod tests {
         assert!(!found(1.0, 0.28));
     }
 
+    /// Where no readings are equal by chance a few that are show more than many where some are.
+    #[test]
+    fn a_short_run_is_stuck_where_no_others_are_equal() {
+        let run = |equal: usize| {
+            let mut values: Vec<f64> = (0..2000).map(|k| f64::from((k * 7919) % 1999)).collect();
+            values.truncate(2000 - equal);
+            values.extend(vec![0.5; equal]);
+            let repeats = Repeats { moves: true, at_rest: 0.0 };
+            stuck(0, &values, repeats, &mut vec![false; values.len()]).map(|fault| fault.rows)
+        };
+        assert_eq!(run(17), Some((1983, 2000)));
+        assert_eq!(run(6), Some((1994, 2000)));
+        assert_eq!(run(4), None);
+    }
+
     /// One stay at the largest reading is clipping if the output leaves it again; one that lasts may be stuck.
     #[test]
     fn one_stay_that_ends_is_clipped() {

@@ -196,17 +196,13 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
     }
     // The last entered showed least.
     others.extend(left.into_iter().rev().take(affordable.unwrap_or_default()));
-    let item_of = |candidate: usize| {
-        let change = best.changes.iter().position(|change| change.candidate == candidate).map(Item::Change);
-        change.or_else(|| best.terms.iter().position(|term| term.candidate == candidate).map(Item::Term))
-    };
     let searched = |way: Way| {
         let mut budget = if way == terms_first { share } else { rest };
         let mut least = straight.0;
         let walked = match way {
             Way::Best | Way::TermsFirst | Way::TermsThenAllNoise => from_nothing(way, &visited, &mut budget),
             Way::Without(candidate) => {
-                let (item, mut prices) = (item_of(candidate), prices.clone());
+                let (item, mut prices) = (item_of(best, candidate), prices.clone());
                 if let Some(Item::Term(place)) = item {
                     prices.remove(place);
                     least += WORTH_OTHER_TERMS;
@@ -715,6 +711,12 @@ pub fn add_change(state: &mut State, candidate: usize, fit: ChangeFit) {
         freedom: fit.freedom,
         ln_places: fit.ln_places,
     });
+}
+
+/// The item of a description that a candidate is.
+fn item_of(state: &State, candidate: usize) -> Option<Item> {
+    let change = state.changes.iter().position(|change| change.candidate == candidate).map(Item::Change);
+    change.or_else(|| state.terms.iter().position(|term| term.candidate == candidate).map(Item::Term))
 }
 
 /// The two terms that `other` has for one of `state`, where that is all in which they differ.

@@ -241,3 +241,34 @@ fn noise_of_the_reference_is_said() {
     let (reference, gyro) = (notes("noisy_reference", [0.3, 0.03]), notes("noisy_gyro", [0.03, 0.3]));
     assert!(is_said(&reference) && !is_said(&gyro), "{reference:?} {gyro:?}");
 }
+
+/// A temperature that comes a little late is, to the first order, the temperature and its rate: whichever is told, the other is said to
+/// be as good.
+#[test]
+fn two_effects_that_do_as_one_are_said_to() {
+    const LAG_S: f64 = 90.0;
+    let mut random = Pcg64::seed_from_u64(21);
+    let temperature = |t: f64| 25.0 + 6.0 * (t / 700.0).sin() + 3.0 * (t / 310.0).cos();
+    let rate = |t: f64| 6.0 / 700.0 * (t / 700.0).cos() - 3.0 / 310.0 * (t / 310.0).sin();
+    let mut table = "t,gyro,temperature\n".to_owned();
+    for row in 0..6000 {
+        let t = f64::from(row);
+        let noise: f64 = StandardNormal.sample(&mut random);
+        let reading = 0.05 * (temperature(t) - LAG_S * rate(t) - 25.0) + 0.5 * noise;
+        let _ = writeln!(table, "{t},{reading},{}", temperature(t));
+    }
+    let case = "format = \"schuler-case/1\"\ntitle = \"oven\"\n[recording]\npath = \"late_heat.csv\"\ntime = \"t\"\n\
+        step_s = 1.0\n[site]\nlatitude_deg = 0.0\naltitude_m = 0.0\n[motion]\nkind = \"static\"\n\
+        attitude_deg = { roll = 0.0, pitch = 0.0, heading = 90.0 }\n[[sensor]]\nid = \"gyro\"\nkind = \"dtg\"\n\
+        column = \"gyro\"\nunit = \"deg/h\"\naxis = [1.0, 0.0, 0.0]\n[sensor.nominal]\nbias = 0.0\nwhite = 0.5\n\
+        [[aux]]\ncolumn = \"temperature\"\nquantity = \"temperature\"\nunit = \"degC\"\n";
+    let explanation = explained("late_heat", case, &table);
+    let told = |effect: &str| explanation.findings.iter().find(|finding| finding.effect == effect);
+    let lag = told("bias_thermal_lag").unwrap_or_else(|| panic!("{:?}", explanation.findings));
+    let pair: Vec<(&str, Option<&str>)> = (lag.rivals.iter())
+        .filter(|rival| rival.together_with.is_some())
+        .map(|rival| (rival.effect.as_str(), rival.together_with.as_deref()))
+        .collect();
+    assert!(pair.contains(&("bias_temperature_rate", Some("bias_temperature"))), "{:?}", lag.rivals);
+    assert!(lag.class.iter().any(|effect| effect == "bias_temperature_rate"));
+}

@@ -199,6 +199,7 @@ fn explanation(prefix: &str, names: &[String]) -> Explanation {
                     principal_angle_deg: 2.4,
                     behind_nats: 0.7,
                     separated_by: "A daily cycle, or two steps of temperature an hour apart".into(),
+                    together_with: None,
                 }],
             },
             Finding {

@@ -38,6 +38,7 @@ class Rival(TypedDict):
     principal_angle_deg: float | None
     behind_nats: float | None
     separated_by: str
+    together_with: NotRequired[str]
 
 
 # Not a class: `class` is a keyword.
