@@ -374,13 +374,24 @@ pub fn class(
     let mut class = vec![own.effect.id.to_owned()];
     let mut rivals = Vec::new();
     let mut seen = HashSet::from([(name.clone(), own.effect.id)]);
-    for other in alternatives.iter().skip(1) {
-        let candidate = &case.candidates[other.candidate];
+    let alone = alternatives.iter().skip(1).map(|other| {
+        let behind_nats = first.evidence - other.evidence;
+        (other.candidate, other.term.as_ref(), behind_nats, None)
+    });
+    let near = pairs.iter().filter(|pair| pair.behind_nats < CLASS_NATS);
+    let together = near.flat_map(|PairInstead { terms: [a, b], behind_nats, .. }| {
+        [(a, b), (b, a)].map(|(one, beside)| {
+            let together_with = case.candidates[beside.candidate].effect.id.to_owned();
+            (one.candidate, Some(one), *behind_nats, Some(together_with))
+        })
+    });
+    for (candidate, term, behind_nats, together_with) in alone.chain(together) {
+        let candidate = &case.candidates[candidate];
         let sensor = target_name(case.model, candidate);
         if !seen.insert((sensor.clone(), candidate.effect.id)) {
             continue;
         }
-        let angle = match (&first.term, &other.term) {
+        let angle = match (&first.term, term) {
             (Some(a), Some(b)) => bench.angle_deg(a, b),
             _ => 90.0,
         };
@@ -391,30 +402,10 @@ pub fn class(
             sensor,
             effect: candidate.effect.id.to_owned(),
             principal_angle_deg: angle,
-            behind_nats: first.evidence - other.evidence,
+            behind_nats,
             separated_by: separated_by(own, candidate),
-            together_with: None,
+            together_with,
         });
-    }
-    for PairInstead { terms, behind_nats, .. } in pairs.iter().filter(|pair| pair.behind_nats < CLASS_NATS) {
-        for (one, beside) in [(&terms[0], &terms[1]), (&terms[1], &terms[0])] {
-            let candidate = &case.candidates[one.candidate];
-            let sensor = target_name(case.model, candidate);
-            if !seen.insert((sensor.clone(), candidate.effect.id)) {
-                continue;
-            }
-            if sensor == name {
-                class.push(candidate.effect.id.to_owned());
-            }
-            rivals.push(Rival {
-                sensor,
-                effect: candidate.effect.id.to_owned(),
-                principal_angle_deg: first.term.as_ref().map_or(90.0, |term| bench.angle_deg(term, one)),
-                behind_nats: *behind_nats,
-                separated_by: separated_by(own, candidate),
-                together_with: Some(case.candidates[beside.candidate].effect.id.to_owned()),
-            });
-        }
     }
     if let Some(part) = part_of_its_own(case, bench, first)
         && seen.insert((name.clone(), part))

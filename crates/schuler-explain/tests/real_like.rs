@@ -242,8 +242,8 @@ fn noise_of_the_reference_is_said() {
     assert!(is_said(&reference) && !is_said(&gyro), "{reference:?} {gyro:?}");
 }
 
-/// A temperature that comes a little late is, to the first order, the temperature and its rate: whichever is told, the other is said to
-/// be as good.
+/// A temperature that comes a little late is, to the first order, the temperature and its rate: the lag is told, and of the two together
+/// that they are as good.
 #[test]
 fn two_effects_that_do_as_one_are_said_to() {
     const LAG_S: f64 = 90.0;

@@ -103,7 +103,7 @@ fn findings(report: &Report) -> Markup {
 }
 
 fn finding(report: &Report, index: usize, it: &Finding) -> Markup {
-    let others: Vec<&String> = it.class.iter().filter(|other| **other != it.effect).collect();
+    let others = words::not_told_from(it);
     // A finding of the noise adds to no sensor.
     let sensors = &report.evidence.sensors;
     let shown = sensors.iter().position(|sensor| sensor.findings.contains(&index));

@@ -129,7 +129,7 @@ pub(super) fn implausible(finding: &Finding) -> Option<String> {
 }
 
 /// What the data cannot tell from a finding: effects of the same sensor, and two of them together.
-fn not_told_from(it: &Finding) -> Vec<String> {
+pub(super) fn not_told_from(it: &Finding) -> Vec<String> {
     let pair = |effect: &String| {
         let rival = it.rivals.iter().find(|rival| rival.sensor == it.sensor && rival.effect == *effect)?;
         let mut both = [effect, rival.together_with.as_ref()?];
@@ -405,10 +405,9 @@ mod tests {
             separated_by: separated_by.into(),
             together_with: None,
         };
-        let line = rival("periodic_line", 90.0, 3.1, "sample faster.");
         let all = [
             rival("bias_temperature", 0.0, -1.3, "tilt it"),
-            Rival { together_with: Some("bias_drift_linear".into()), ..line },
+            rival("periodic_line", 90.0, 3.1, "sample faster."),
             rival("bias_warmup", 15.0, 0.05, "tilt it"),
         ];
         assert_eq!(
@@ -416,7 +415,7 @@ mod tests {
             [
                 "bias_temperature of gyro, bias_warmup of gyro: their signatures are 0° to 15° from that of the finding, \
                  their likelihoods 1.3 nats ahead to 0.050 nats behind. To tell: tilt it.",
-                "periodic_line with bias_drift_linear of gyro: its signature is 90° from that of the finding, its likelihood 3.1 nats behind. \
+                "periodic_line of gyro: its signature is 90° from that of the finding, its likelihood 3.1 nats behind. \
                  To tell: sample faster."
             ]
         );
@@ -446,6 +445,14 @@ mod tests {
         assert_eq!(
             not_told_from(&it),
             ["bias_warmup", "bias_temperature and bias_temperature_rate together"]
+        );
+        assert!(
+            rivals(&it.rivals)[0].starts_with(
+                "bias_warmup of gyro_x, bias_temperature with bias_temperature_rate of gyro_x, \
+                 bias_temperature_rate with bias_temperature of gyro_x: "
+            ),
+            "{:?}",
+            rivals(&it.rivals)
         );
     }
 
