@@ -320,12 +320,17 @@ fn stuck(sensor: usize, values: &[f64], repeats: Repeats, mask: &mut [bool]) -> 
     let mut longest = (0, 0);
     let (mut equal, mut pairs) = (0usize, 0usize);
     let mut start = 0;
-    let mut last: Option<(f64, usize)> = None;
+    let mut last: Option<f64> = None;
     for (row, &value) in values.iter().enumerate() {
-        if !value.is_finite() || mask[row] {
+        if !value.is_finite() {
             continue;
         }
-        if let Some((before, _)) = last {
+        // Two alike on both sides of a stay at a limit are no run.
+        if mask[row] {
+            last = None;
+            continue;
+        }
+        if let Some(before) = last {
             pairs += 1;
             if before == value {
                 equal += 1;
@@ -338,7 +343,7 @@ fn stuck(sensor: usize, values: &[f64], repeats: Repeats, mask: &mut [bool]) -> 
         } else {
             start = row;
         }
-        last = Some((value, row));
+        last = Some(value);
     }
     let (first, end) = longest;
     let length = values[first..end].iter().filter(|value| value.is_finite()).count();
@@ -814,6 +819,20 @@ mod tests {
         assert_eq!(run(17), Some((1983, 2000)));
         assert_eq!(run(6), Some((1994, 2000)));
         assert_eq!(run(4), None);
+    }
+
+    /// Two equal readings with a stay at the limit between them are no stuck output.
+    #[test]
+    fn a_stay_at_a_limit_is_no_run() {
+        let mut values: Vec<f64> = (0..2000).map(|k| f64::from((k * 7919) % 1999)).collect();
+        values[700] = 2999.0;
+        values[701..800].fill(3000.0);
+        values[800] = 2999.0;
+        let mut mask: Vec<bool> = values.iter().map(|value| *value == 3000.0).collect();
+        let clipped = mask.clone();
+        let repeats = Repeats { moves: true, at_rest: 0.0 };
+        assert!(stuck(0, &values, repeats, &mut mask).is_none());
+        assert_eq!(mask, clipped);
     }
 
     /// One stay at the largest reading is clipping if the output leaves it again; one that lasts may be stuck.

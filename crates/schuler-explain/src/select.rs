@@ -126,6 +126,14 @@ pub struct PairInstead {
     pub behind_nats: f64,
 }
 
+impl PairInstead {
+    /// Whether `state`, which may be a better one than that it was compared with, has the one and neither of the two.
+    fn stands_beside(&self, state: &State) -> bool {
+        let has = |candidate: usize| state.terms.iter().any(|term| term.candidate == candidate);
+        has(self.of) && !self.terms.iter().any(|term| has(term.candidate))
+    }
+}
+
 /// Way on.
 enum Move {
     Term(Box<Proposal>),
@@ -236,6 +244,7 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
     }
     exceeded |= for_pairs.exceeded;
     let (_, (state, bench, prices)) = best;
+    pairs.retain(|pair| pair.stands_beside(&state));
     let shown = shown_up_to(case, &state, &prices, &family, f64::INFINITY);
     Selection { state, bench, family, shown, prices, pairs, null, exceeded }
 }
