@@ -23,7 +23,7 @@ use crate::minimise::golden;
 use crate::noise::{Knob, Noise, RowsOfLevel};
 use crate::noise_fit::{SourceKnob, exact};
 use crate::nominal::{Block, FEWEST_ROWS, Model};
-use crate::readings::{Fault, Faults, LEAST_STEP, OFF_LATTICE, faults, lattice};
+use crate::readings::{FEWEST_PILED, Fault, Faults, LEAST_STEP, OFF_LATTICE, faults, lattice};
 use crate::refit::parameters;
 use crate::search::{Family, by_all_readings, refine_terms};
 use crate::select::{
@@ -524,7 +524,7 @@ fn shift_by_rounding(step: f64, white: f64) -> f64 {
 
 /// Whether a candidate is about the noise, or a mean that comes and goes, of an output that is clipped or coarse: what is left of it
 /// then is not what the sensor's noise was, and readings of a few levels have a mean for each. Rounding that the noise carries over the
-/// steps adds to it and leaves it as it was.
+/// steps adds to it and leaves it as it was, and so does a limit that is reached once.
 fn is_spoilt(candidate: &Candidate, faults: &[Fault], recording: &Recording) -> bool {
     let coarse = |fault: &Fault| {
         let white = recording.sensors[fault.sensor].sensor.nominal.white;
@@ -535,7 +535,8 @@ fn is_spoilt(candidate: &Candidate, faults: &[Fault], recording: &Recording) -> 
         }
     };
     let spoils = |fault: &Fault| {
-        (coarse(fault) || fault.fault == ReadingFault::Saturated)
+        let is_brief = fault.rows.1 - fault.rows.0 < FEWEST_PILED;
+        (coarse(fault) || fault.fault == ReadingFault::Saturated && !is_brief)
             && sensors_of(candidate).contains(&fault.sensor)
     };
     let of_noise =

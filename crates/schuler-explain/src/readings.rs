@@ -27,7 +27,7 @@ use crate::statistics::{ln_chi_squared_tail, median};
 /// Shortest run of equal readings that may be a stuck output.
 const SHORTEST_RUN: usize = 5;
 /// Fewest readings at a limit that are more than at the next value; and fewest that are equal where others do not coincide.
-const FEWEST_PILED: usize = 8;
+pub const FEWEST_PILED: usize = 8;
 const FEWEST_EQUAL: usize = 3;
 /// Fewest separate stays at a limit where the last of them lasts until the end: a stuck output stays for good, and that of a
 /// growing input stays at its largest reading.
@@ -254,12 +254,21 @@ pub fn faults(recording: &Recording, model: &Model) -> Faults {
     // A sensor is in one block.
     let spikes: Vec<(Fault, Vec<usize>)> =
         model.blocks.par_iter().flat_map_iter(|block| spikes(model, block, &steps, &masked)).collect();
-    let masked_without_spikes = masked.clone();
+    let mut masked_without_spikes = masked.clone();
     let mut clipped = Vec::new();
     for (mut fault, mut rows) in spikes {
-        let at_limit = at_limits(recording, model, fault.sensor, &rows);
-        if !at_limit.is_empty() {
-            clipped.push(fault.sensor);
+        if let Some((sensor, at_limit)) = at_a_limit(recording, model, fault.sensor, &rows) {
+            // Beside a known input the search finds the limit itself.
+            if model.block_of(sensor).is_some_and(|block| model.blocks[block].is_redundant()) {
+                let part = at_limit.len() as f64 / rows.len() as f64;
+                found.push(few_clipped(recording, sensor, &at_limit, part * fault.evidence));
+                fault.evidence *= 1.0 - part;
+                for masked in [&mut masked, &mut masked_without_spikes] {
+                    at_limit.iter().for_each(|&row| masked[sensor][row] = true);
+                }
+            } else {
+                clipped.push(sensor);
+            }
             rows.retain(|row| !at_limit.contains(row));
             fault.parameters = vec![("count", rows.len() as f64, false)];
         }
@@ -521,25 +530,65 @@ pub fn lattice(values: &[f64]) -> Option<Lattice> {
     found.then_some(Lattice { step, levels: levels.len() })
 }
 
-/// Those of the spikes of a sensor that a limit of its output explains: they are its readings at its largest inputs, which are known, all on
-/// one level, which no other input passes. That a spike is just there is as improbable as there are readings.
+/// The spikes of a sensor that a limit of its output explains, or that of another whose spikes look the same, and which of them it is.
+fn at_a_limit(
+    recording: &Recording,
+    model: &Model,
+    sensor: usize,
+    spikes: &[usize],
+) -> Option<(usize, Vec<usize>)> {
+    let block = &model.blocks[model.block_of(sensor)?];
+    let place = block.sensors.iter().position(|&other| other == sensor)?;
+    let alike = block.alike(place).into_iter().map(|place| block.sensors[place]);
+    alike
+        .map(|sensor| (sensor, at_limits(recording, model, sensor, spikes)))
+        .find(|(_, rows)| !rows.is_empty())
+}
+
+/// A limit that only the readings in `rows` have come to.
+fn few_clipped(recording: &Recording, sensor: usize, rows: &[usize], evidence: f64) -> Fault {
+    let level = |&row: &usize| recording.sensors[sensor].values[row].abs();
+    let limit = rows.iter().map(level).fold(f64::INFINITY, f64::min);
+    let (first, last) =
+        rows.iter().fold((usize::MAX, 0), |(first, last), &row| (first.min(row), last.max(row)));
+    let parameters = vec![("limit", limit, true)];
+    Fault { sensor, fault: ReadingFault::Saturated, evidence, rows: (first, last + 1), parameters }
+}
+
+/// Those of the spikes of a sensor that a limit of its output explains: they are its readings at its largest inputs, which are known or read
+/// by others, all on one level, which no other input or reading passes. That a spike is just there is as improbable as there are readings.
 fn at_limits(recording: &Recording, model: &Model, sensor: usize, spikes: &[usize]) -> Vec<usize> {
-    let block = model.block_of(sensor).map(|block| &model.blocks[block]);
-    let source = model.source_of(sensor, Port::Output).map(|source| &model.sources[source]);
-    let (Some(block), Some(source)) = (block.filter(|block| block.is_of_one_sensor()), source) else {
-        return Vec::new();
+    let Some(block) = model.block_of(sensor).map(|block| &model.blocks[block]) else { return Vec::new() };
+    let rows = block.rows();
+    let unit = Column::on(sensor, vec![1.0; rows]);
+    let shape =
+        block.project(&unit, Port::Output).filter(|_| block.is_of_one_sensor() || block.is_redundant());
+    let Some(shape) = shape else { return Vec::new() };
+    // By the error that would be its alone.
+    let error = |row: usize| {
+        let places = (0..block.channels).map(|channel| channel * rows + row);
+        let (along, of_unit) = places.fold((0.0, 0.0), |(along, of_unit), at| {
+            (along + shape[at] * block.data[at], of_unit + shape[at] * shape[at])
+        });
+        along / of_unit
     };
-    let within = ALIKE_AT_LIMIT * source.nominal.white_variance().sqrt();
     let readings = of_input(recording, &[], sensor);
-    let input = |row: usize| readings[row] - block.data[row];
-    let mut known: Vec<usize> = (0..block.rows()).filter(|&row| block.present[row]).collect();
-    known.sort_by(|&a, &b| input(b).abs().total_cmp(&input(a).abs()));
-    let is_clipped = |row: &&usize| spikes.contains(*row) && input(**row) * block.data[**row] < 0.0;
+    let inputs: Vec<f64> = (0..rows).map(|row| readings[row] - error(row)).collect();
+    let variance = |&source: &usize| model.sources[source].nominal.white_variance();
+    let within = ALIKE_AT_LIMIT * block.sources.iter().map(variance).sum::<f64>().sqrt();
+    let mut known: Vec<usize> =
+        (0..rows).filter(|&row| block.present[row] && inputs[row].is_finite()).collect();
+    known.sort_by(|&a, &b| inputs[b].abs().total_cmp(&inputs[a].abs()));
+    // Of no input there is no limit: any reading is as large.
+    let is_clipped =
+        |row: &&usize| spikes.contains(*row) && (0.0..1.0).contains(&(readings[**row] / inputs[**row]));
     let clipped: Vec<usize> = known.iter().take_while(is_clipped).copied().collect();
     let levels = || clipped.iter().map(|&row| readings[row].abs());
     let (least, most) = (levels().fold(f64::INFINITY, f64::min), levels().fold(0.0, f64::max));
-    let next = known.get(clipped.len()).map_or(f64::INFINITY, |&row| input(row).abs());
-    if most - least < within && least > next - within { clipped } else { Vec::new() }
+    let next = known.get(clipped.len()).map_or(f64::INFINITY, |&row| inputs[row].abs());
+    let others = known.iter().skip(clipped.len()).map(|&row| readings[row].abs());
+    let is_largest = others.fold(0.0, f64::max) <= most;
+    if most - least < within && least > next - within && is_largest { clipped } else { Vec::new() }
 }
 
 /// Readings of a block that stand off from their neighbours on both sides, with their rows.

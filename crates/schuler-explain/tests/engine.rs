@@ -1238,6 +1238,56 @@ fn a_single_reading_beyond_a_limit_is_clipped_and_no_spike() {
     }
 }
 
+/// Of two sensors that are only held against each other the one that is clipped for one reading reads its largest while the other goes on; a
+/// spike at rest is none, whichever way it goes.
+#[test]
+fn a_single_clipped_reading_of_a_pair_is_told() {
+    let of_pair = |rate: &dyn Fn(usize) -> f64, change: &dyn Fn(usize) -> [f64; 2]| {
+        let mut random = Pcg64::seed_from_u64(8900);
+        let sensors = [0, 1].map(|sensor| {
+            let mut reading = |row: usize| {
+                let noise: f64 = StandardNormal.sample(&mut random);
+                rate(row) + 1e-6 * noise + change(row)[sensor]
+            };
+            let kind = (SensorKind::Fog, Unit::RadianPerSecond);
+            let nominal = Nominal { white: 1e-6, ..Nominal::default() };
+            let values = (0..ROWS).map(&mut reading).collect();
+            common::series(&format!("gyro_{sensor}"), kind, [1.0, 0.0, 0.0], nominal, values)
+        });
+        let recording = common::recording(MotionKind::Unknown, sensors.to_vec());
+        let answer = explain(&recording, &Options { hold_out: false, ..Options::default() }).unwrap();
+        let found = answer.findings.iter().map(|finding| (finding.sensor.clone(), finding.effect.clone()));
+        found.collect::<Vec<(String, String)>>()
+    };
+    let peak = ROWS / 3;
+    let swings = |row: usize| 4e-3 + 0.01 * (0.05 * (row as f64 - peak as f64)).cos() - 2e-7 * row as f64;
+    let swings = |row: usize| swings(row) + if row == peak { 1e-3 } else { 0.0 };
+    let short = |row: usize| [0.0, if row == peak { -2e-5 } else { 0.0 }];
+    assert_eq!(of_pair(&swings, &short), [("gyro_1".to_owned(), "output_saturated".to_owned())]);
+    for size in [2e-5, -2e-5] {
+        let spike = |row: usize| [if row == 700 { size } else { 0.0 }, 0.0];
+        let found = of_pair(&|_| 0.0, &spike);
+        assert!(matches!(&found[..], [(_, effect)] if effect == "noise_outliers"), "{size}: {found:?}");
+    }
+}
+
+/// A spike of a sensor that nothing acts on is at no limit, though any input is its largest.
+#[test]
+fn a_spike_without_an_input_is_no_limit() {
+    let mut random = Pcg64::seed_from_u64(8950);
+    let mut reading = |row: usize| {
+        let noise: f64 = StandardNormal.sample(&mut random);
+        1e-6 * noise - if row == ROWS / 2 { 2e-5 } else { 0.0 }
+    };
+    let values = (0..ROWS).map(&mut reading).collect();
+    // As a computation leaves it that should give 0.
+    let rates = (0..ROWS).map(|row| if row == ROWS / 2 { 1e-18 } else { 0.0 }).collect();
+    let recording = beside_rate(rates, 1e-6, values);
+    let answer = explain(&recording, &Options { hold_out: false, ..Options::default() }).unwrap();
+    let found: Vec<&str> = answer.findings.iter().map(|finding| finding.effect.as_str()).collect();
+    assert_eq!(found, ["noise_outliers"]);
+}
+
 /// A mean that jumps may be on for one reading, and off for one.
 #[test]
 fn a_jump_of_one_reading_is_no_spike() {
