@@ -70,6 +70,8 @@ const JUDGED_BESIDE_FREE_NOISE: usize = 6;
 const SAME_NATS: f64 = 0.05;
 /// Nats, above the price of its search, from which on an item is significant whatever its family.
 const BEYOND_DOUBT: f64 = 50.0;
+/// The effect that is the same at all times.
+const CONSTANT: &str = "bias_constant";
 /// The effect that is a decay from the start on.
 const WARMUP: &str = "bias_warmup";
 /// Most parts of a noise of which the user says nothing.
@@ -229,7 +231,9 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
         found.into_iter().flatten().fold(straight, |best, other| if other.0 > best.0 { other } else { best });
     let mut pairs = Vec::new();
     for source in 0..case.model.sources.len() {
-        for (start, prices) in pairs_instead(case, &best.1, source, &family, ln_level, &mut for_pairs) {
+        let mut starts = pairs_instead(case, &best.1, source, &family, ln_level, &mut for_pairs);
+        starts.extend(beside_a_constant(case, &best.1, source, &family, ln_level, &mut for_pairs));
+        for (start, prices) in starts {
             let walked = from(start, prices, Way::Best, &mut for_pairs);
             if walked.joined {
                 continue;
@@ -270,11 +274,7 @@ fn pairs_instead(
     ln_level: f64,
     budget: &mut Budget,
 ) -> Vec<Start> {
-    let origin = &case.model.sources[source];
-    let is_of_source = |candidate: usize| {
-        let candidate = &case.candidates[candidate];
-        candidate.target == Target::Sensor(origin.sensor) && candidate.port == origin.port
-    };
+    let is_of_source = |candidate: usize| is_of(case, candidate, source);
     let own: Vec<usize> =
         (0..state.terms.len()).filter(|&place| is_of_source(state.terms[place].candidate)).collect();
     if own.is_empty() {
@@ -312,6 +312,58 @@ fn pairs_instead(
         starts.extend(exact.into_iter().take(PAIRS_FOLLOWED).map(|(_, start)| start));
     }
     starts
+}
+
+/// Descriptions in which the slow noise of a source without terms is replaced by a constant and one term more.
+///
+/// What depends on a quantity counted from a reference, where the readings have no error in the mean, shows with a constant beside it only;
+/// neither shows alone, and the noise that swallowed both is no term that a pair could replace.
+fn beside_a_constant(
+    case: &Case<'_>,
+    (state, _, prices): &Found<'_>,
+    source: usize,
+    family: &Family,
+    ln_level: f64,
+    budget: &mut Budget,
+) -> Vec<Start> {
+    let wanted = |candidate: usize| is_of(case, candidate, source);
+    let is_constant = |&candidate: &usize| case.candidates[candidate].effect.id == CONSTANT;
+    let is_noise =
+        |change: &Accepted| change.source == source && change.knobs.iter().any(|&knob| is_slow(knob));
+    let constant = (0..case.candidates.len()).filter(|&candidate| wanted(candidate)).find(is_constant);
+    let (Some(constant), Some(place)) = (constant, state.changes.iter().position(is_noise)) else {
+        return Vec::new();
+    };
+    let has_terms = state.terms.iter().any(|term| wanted(term.candidate));
+    if has_terms || !budget.affords(of_round(case, state, &blocks_with(case.model, source))) {
+        return Vec::new();
+    }
+    let (less, _) = without(case, state, Item::Change(place));
+    let all = shown(case, state, prices, family);
+    let of_noise = all.iter().find(|(item, _)| *item == Item::Change(place));
+    let least = of_noise.map_or(0.0, |(_, shown)| shown.evidence) - PAIR_BEHIND;
+    let constant = Term::new(constant, &case.candidates[constant], &[], case.time_s);
+    let terms = [less.terms.as_slice(), std::slice::from_ref(&constant)].concat();
+    let bench = Bench::new(case, &terms, &less.noises);
+    let beside = deterministic(&bench, &library(&bench, &wanted), family, &wanted);
+    let exact = |proposal: Proposal| {
+        let pair = [constant.clone(), proposal.term];
+        with_pair(case, &less, prices, pair, family, ln_level)
+    };
+    let mut exact: Vec<(f64, Start)> = beside
+        .into_par_iter()
+        .take(PAIRS_TRIED)
+        .filter_map(exact)
+        .filter(|(shown, _)| *shown > least)
+        .collect();
+    exact.sort_by(|a, b| b.0.total_cmp(&a.0));
+    exact.into_iter().take(PAIRS_FOLLOWED).map(|(_, start)| start).collect()
+}
+
+/// Whether a candidate is about the output, or the input, that a source is.
+fn is_of(case: &Case<'_>, candidate: usize, source: usize) -> bool {
+    let (candidate, origin) = (&case.candidates[candidate], &case.model.sources[source]);
+    candidate.target == Target::Sensor(origin.sensor) && candidate.port == origin.port
 }
 
 /// A description with two more terms, each at its best and significant beside the other, and what they show together.
