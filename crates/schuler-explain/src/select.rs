@@ -53,6 +53,8 @@ const PAIR_BEHIND: f64 = 5.0;
 /// Pairs that are fitted in the place of the same items, and those of them from which the search goes on.
 const PAIRS_TRIED: usize = 8;
 const PAIRS_FOLLOWED: usize = 2;
+/// Part of a signature that must be left beside a constant: with less the reference is so far that nothing of the two is known apart.
+const FURTHEST_FROM_REFERENCE: f64 = 1e-3;
 /// Nats by which another description by way of a pair, or without a term, must be the better one: where they are nearly as good, what was
 /// found one by one stands.
 const WORTH_OTHER_TERMS: f64 = 1.0;
@@ -305,7 +307,8 @@ fn pairs_instead(
         let shown_by_them = state.log_likelihood - less.log_likelihood - costs;
         let least = shown_by_them - PAIR_BEHIND;
         let pairs = promising_pairs(&bench, family, &is_of_source, least, PAIRS_TRIED);
-        let exact = |pair: [Term; 2]| with_pair(case, &less, &less_prices, pair, family, ln_level);
+        let exact =
+            |pair: [Term; 2]| with_pair(case, &less, &less_prices, pair, (family, ln_level, FURTHEST_ALIKE));
         let mut exact: Vec<(f64, Start)> = pairs.into_par_iter().filter_map(exact).collect();
         exact.retain(|(shown, _)| *shown > least);
         exact.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -314,10 +317,10 @@ fn pairs_instead(
     starts
 }
 
-/// Descriptions in which the slow noise of a source without terms is replaced by a constant and one term more.
+/// Descriptions in which the terms of a source, or the slow noise of one without terms, are replaced by a constant and one term more.
 ///
-/// What depends on a quantity counted from a reference, where the readings have no error in the mean, shows with a constant beside it only;
-/// neither shows alone, and the noise that swallowed both is no term that a pair could replace.
+/// What depends on a quantity counted from a reference, where the readings have no error in the mean, shows with a constant beside it only:
+/// neither shows alone, and far from the reference the two are more alike than those of other pairs may be.
 fn beside_a_constant(
     case: &Case<'_>,
     (state, _, prices): &Found<'_>,
@@ -327,35 +330,45 @@ fn beside_a_constant(
     budget: &mut Budget,
 ) -> Vec<Start> {
     let wanted = |candidate: usize| is_of(case, candidate, source);
-    let is_constant = |&candidate: &usize| case.candidates[candidate].effect.id == CONSTANT;
-    let is_noise =
-        |change: &Accepted| change.source == source && change.knobs.iter().any(|&knob| is_slow(knob));
-    let constant = (0..case.candidates.len()).filter(|&candidate| wanted(candidate)).find(is_constant);
-    let (Some(constant), Some(place)) = (constant, state.changes.iter().position(is_noise)) else {
+    let is_constant =
+        |candidate: usize| wanted(candidate) && case.candidates[candidate].effect.id == CONSTANT;
+    let Some(constant) = (0..case.candidates.len()).find(|&candidate| is_constant(candidate)) else {
         return Vec::new();
     };
-    let has_terms = state.terms.iter().any(|term| wanted(term.candidate));
-    if has_terms || !budget.affords(of_round(case, state, &blocks_with(case.model, source))) {
+    let is_noise =
+        |change: &Accepted| change.source == source && change.knobs.iter().any(|&knob| is_slow(knob));
+    let terms = (0..state.terms.len()).rev().filter(|&place| wanted(state.terms[place].candidate));
+    let mut replaced: Vec<Item> = terms.map(Item::Term).collect();
+    if replaced.is_empty() {
+        replaced.extend(state.changes.iter().position(is_noise).map(Item::Change));
+    }
+    let blocks = blocks_with(case.model, source);
+    let has_constant = state.terms.iter().any(|term| term.candidate == constant);
+    if has_constant || replaced.is_empty() || !budget.affords(of_round(case, state, &blocks)) {
         return Vec::new();
     }
-    let (less, _) = without(case, state, Item::Change(place));
+    let (mut less, mut less_prices) = (state.clone(), prices.clone());
+    for &item in &replaced {
+        less = taken_out(case, &less, item);
+        if let Item::Term(place) = item {
+            less_prices.remove(place);
+        }
+    }
+    let (less, _) = refitted(case, &less, Some(&blocks));
     let all = shown(case, state, prices, family);
-    let of_noise = all.iter().find(|(item, _)| *item == Item::Change(place));
-    let least = of_noise.map_or(0.0, |(_, shown)| shown.evidence) - PAIR_BEHIND;
+    let of_them = all.iter().filter(|(item, _)| replaced.contains(item));
+    let costs: f64 = of_them.map(|(_, shown)| shown.gain - shown.evidence).sum();
+    let least = state.log_likelihood - less.log_likelihood - costs - PAIR_BEHIND;
     let constant = Term::new(constant, &case.candidates[constant], &[], case.time_s);
     let terms = [less.terms.as_slice(), std::slice::from_ref(&constant)].concat();
     let bench = Bench::new(case, &terms, &less.noises);
     let beside = deterministic(&bench, &library(&bench, &wanted), family, &wanted);
     let exact = |proposal: Proposal| {
         let pair = [constant.clone(), proposal.term];
-        with_pair(case, &less, prices, pair, family, ln_level)
+        with_pair(case, &less, &less_prices, pair, (family, ln_level, FURTHEST_FROM_REFERENCE))
     };
-    let mut exact: Vec<(f64, Start)> = beside
-        .into_par_iter()
-        .take(PAIRS_TRIED)
-        .filter_map(exact)
-        .filter(|(shown, _)| *shown > least)
-        .collect();
+    let exact = beside.into_par_iter().take(PAIRS_TRIED).filter_map(exact);
+    let mut exact: Vec<(f64, Start)> = exact.filter(|(shown, _)| *shown > least).collect();
     exact.sort_by(|a, b| b.0.total_cmp(&a.0));
     exact.into_iter().take(PAIRS_FOLLOWED).map(|(_, start)| start).collect()
 }
@@ -372,8 +385,7 @@ fn with_pair(
     less: &State,
     prices: &[Price],
     [first, second]: [Term; 2],
-    family: &Family,
-    ln_level: f64,
+    (family, ln_level, furthest_alike): (&Family, f64, f64),
 ) -> Option<(f64, Start)> {
     let at_its_best = |term: &Term, beside: &Term| {
         let mut with = less.clone();
@@ -389,7 +401,7 @@ fn with_pair(
     };
     let bench = Bench::new(case, &less.terms, &less.noises);
     let apart = bench.angle_deg(&first.term, &second.term).to_radians().sin().powi(2);
-    if apart < FURTHEST_ALIKE || !(is_significant(&first) && is_significant(&second)) {
+    if apart < furthest_alike || !(is_significant(&first) && is_significant(&second)) {
         return None;
     }
     let cost = first.gain - first.evidence + second.gain - second.evidence;

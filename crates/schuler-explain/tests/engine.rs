@@ -22,7 +22,11 @@ use schuler_explain::scan::Scanner;
 use schuler_explain::state::{Bench, Case};
 use schuler_explain::watch::Unwatched;
 use schuler_recording::Recording;
-use schuler_recording::case::{ExponentialCosine, Markov, MotionKind, Nominal, SchulerLoop, SensorKind};
+use schuler_recording::case::{
+    Auxiliary, ExponentialCosine, Markov, MotionKind, Nominal, Quantity, SchulerLoop, SensorKind,
+    TemperatureBias,
+};
+use schuler_recording::recording::{AuxiliarySeries, Quality};
 use schuler_recording::unit::Unit;
 
 mod common;
@@ -1236,6 +1240,34 @@ fn a_single_reading_beyond_a_limit_is_clipped_and_no_spike() {
         let found: Vec<&str> = answer.findings.iter().map(|finding| finding.effect.as_str()).collect();
         assert_eq!(found, [told], "{:?}", answer.findings);
     }
+}
+
+/// A dependence counted from a stated reference, beside which the mean is nominal all the same: neither the dependence shows alone nor a
+/// constant, and slow noise holds both.
+#[test]
+fn a_dependence_whose_mean_is_nominal_is_no_slow_noise() {
+    let length = ROWS as f64;
+    let of =
+        |turns: f64, time: f64| (turns * std::f64::consts::TAU * time / length + turns).sin() / turns.sqrt();
+    let wander = |time: f64| [7.0, 11.3, 18.1, 29.9].map(|turns| of(turns, time)).iter().sum::<f64>();
+    let mean = (0..ROWS).map(|row| wander(row as f64)).sum::<f64>() / length;
+    let error = |time: f64| 4.0 * (wander(time) - mean);
+    let mut recording = recording(vec![with(noise(8970, ROWS), error)]);
+    recording.sensors[0].sensor.nominal.temperature_bias =
+        Some(TemperatureBias { column: "t".to_owned(), reference_deg_c: 20.0, coefficients: vec![0.0] });
+    let auxiliary = Auxiliary {
+        column: "t".to_owned(),
+        quantity: Quantity::Temperature,
+        unit: "degC".to_owned(),
+        near: None,
+        position_m: None,
+    };
+    let values = (0..ROWS).map(|row| 28.0 + wander(row as f64)).collect();
+    recording.auxiliaries.push(AuxiliarySeries { auxiliary, values, quality: Quality::default() });
+    let answer = explain(&recording, &Options { hold_out: false, ..Options::default() }).unwrap();
+    let mut found: Vec<&str> = answer.findings.iter().map(|finding| finding.effect.as_str()).collect();
+    found.sort_unstable();
+    assert_eq!(found, ["bias_constant", "bias_temperature"], "{:?}", answer.findings);
 }
 
 /// Of two sensors that are only held against each other the one that is clipped for one reading reads its largest while the other goes on; a
