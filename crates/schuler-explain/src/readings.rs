@@ -57,6 +57,8 @@ const LEAST_STANDOFF: f64 = 4.5;
 const LARGEST_STANDOFF: f64 = 1e3;
 /// Deviations within which readings at a limit are alike.
 const ALIKE_AT_LIMIT: f64 = 5.0;
+/// Readings at the next largest inputs with which clipped ones are compared.
+const COMPARED: usize = 5;
 /// Standoff from which on spikes are compared with a reading.
 const LEAST_COMPARED: f64 = 2.5;
 /// Evidence below which readings that stand off are left as they are: one sensor in five thousand shows as much by chance.
@@ -556,7 +558,7 @@ fn few_clipped(recording: &Recording, sensor: usize, rows: &[usize], evidence: f
 }
 
 /// Those of the spikes of a sensor that a limit of its output explains: they are its readings at its largest inputs, which are known or read
-/// by others, all on one level, which no other input or reading passes. That a spike is just there is as improbable as there are readings.
+/// by others, all on one level, which no other input or reading passes, and those at the next largest are right. That a spike is just there is as improbable as there are readings.
 fn at_limits(recording: &Recording, model: &Model, sensor: usize, spikes: &[usize]) -> Vec<usize> {
     let Some(block) = model.block_of(sensor).map(|block| &model.blocks[block]) else { return Vec::new() };
     let rows = block.rows();
@@ -588,7 +590,18 @@ fn at_limits(recording: &Recording, model: &Model, sensor: usize, spikes: &[usiz
     let next = known.get(clipped.len()).map_or(f64::INFINITY, |&row| inputs[row].abs());
     let others = known.iter().skip(clipped.len()).map(|&row| readings[row].abs());
     let is_largest = others.fold(0.0, f64::max) <= most;
-    if most - least < within && least > next - within && is_largest { clipped } else { Vec::new() }
+    // What is out of scale falls short at all its inputs as they are large, and by no more at the largest.
+    let mut all: Vec<f64> = known.iter().map(|&row| error(row)).collect();
+    let usual = median(&mut all);
+    let of_input = |&row: &usize| ((error(row) - usual) / inputs[row]).abs();
+    let mut of_next: Vec<f64> = known.iter().skip(clipped.len()).take(COMPARED).map(of_input).collect();
+    let of_clipped = clipped.iter().map(of_input).fold(f64::INFINITY, f64::min);
+    let in_scale = median(&mut of_next) < ALONE * of_clipped;
+    if most - least < within && least > next - within && is_largest && in_scale {
+        clipped
+    } else {
+        Vec::new()
+    }
 }
 
 /// Readings of a block that stand off from their neighbours on both sides, with their rows.

@@ -1296,6 +1296,10 @@ fn a_single_clipped_reading_of_a_pair_is_told() {
     let swings = |row: usize| swings(row) + if row == peak { 1e-3 } else { 0.0 };
     let short = |row: usize| [0.0, if row == peak { -2e-5 } else { 0.0 }];
     assert_eq!(of_pair(&swings, &short), [("gyro_1".to_owned(), "output_saturated".to_owned())]);
+    // Out of scale, and turned twice as fast for one reading.
+    let jerks = |row: usize| swings(row) + if row == peak { 0.014 } else { 0.0 };
+    let found = of_pair(&jerks, &|row| [0.0, -2e-3 * jerks(row)]);
+    assert!(found.iter().all(|(_, effect)| effect != "output_saturated"), "{found:?}");
     for size in [2e-5, -2e-5] {
         let spike = |row: usize| [if row == 700 { size } else { 0.0 }, 0.0];
         let found = of_pair(&|_| 0.0, &spike);
