@@ -637,6 +637,40 @@ fn the_tide_is_longmans_with_utc_and_its_lines_without() {
     assert!(values.iter().fold(0.0_f64, |most, value| most.max(value.abs())) < 2e-6);
 }
 
+/// How warm a gyro is when a record of a turning body begins is not known; what rests before it turns is as warm as its surroundings. Any gyro
+/// may be heated by its own rate, and by that about the other axis only one with two torquers.
+#[test]
+fn heat_from_before_a_record_is_not_known() {
+    let turned: fn(f64) -> f64 = |t| if (100.0..300.0).contains(&t) { 0.5 } else { 0.0 };
+    let names = |kind: SensorKind, rate: fn(f64) -> f64| -> Vec<(String, Vec<String>)> {
+        let mut scene = Scene::new(MotionKind::Recorded, 6001, 0.1).sensor(
+            "g",
+            kind,
+            Unit::DegreePerHour,
+            [1.0, 0.0, 0.0],
+        );
+        scene.0.motion.rate = Some(scene.columns([rate, wy, wz]));
+        let inputs = Inputs::new(&scene.0);
+        let found = at(&inputs, "torquer_self_heating", 0, &[]);
+        let of = |candidate: &Candidate| {
+            let axis = candidate.variant.iter().map(|(_, value)| value.clone()).collect::<String>();
+            (axis, candidate.amplitudes.iter().map(|amplitude| amplitude.name.clone()).collect())
+        };
+        if let [first, ..] = &found[..]
+            && first.amplitudes.len() == 2
+        {
+            let start = column(first, &[50.0], 1, scene.0.len());
+            assert!((start[1000] - (-2.0_f64).exp()).abs() < 1e-9, "{}", start[1000]);
+        }
+        found.iter().map(of).collect()
+    };
+    let unknown = || vec!["coefficient".to_owned(), "at_start".to_owned()];
+    let known = || vec!["coefficient".to_owned()];
+    assert_eq!(names(SensorKind::Fog, wx), [("input".to_owned(), unknown())]);
+    assert_eq!(names(SensorKind::Fog, turned), [("input".to_owned(), known())]);
+    assert_eq!(names(SensorKind::Dtg, wx), [("input".to_owned(), unknown()), ("both".to_owned(), unknown())]);
+}
+
 #[test]
 fn hysteresis_knows_heating_from_cooling() {
     let cycles = |t: f64| 25.0 + 10.0 * (TAU * t / 20_000.0).sin();

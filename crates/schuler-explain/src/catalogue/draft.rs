@@ -3,7 +3,7 @@ use schuler_recording::case::SensorKind;
 use schuler_recording::unit::{Dimension, STANDARD_GRAVITY, Unit};
 
 use super::{Amplitude, Candidate, Column, Effect, Nonlinear, Port, Search, Signature, Target};
-use crate::inputs::series::Series;
+use crate::inputs::series::{Series, map};
 use crate::inputs::{Inputs, Place};
 
 /// How much larger the errors of micromechanical sensors can be.
@@ -157,6 +157,28 @@ impl Draft {
             let at_mean = Amplitude { name: "at_mean".to_owned(), unit, plausible: None, ..first.clone() };
             self.amplitudes.push(at_mean);
         }
+        self
+    }
+
+    /// A lag whose time constant is the first parameter, and of which it is not known where it starts: what that is off decays with the time
+    /// constant.
+    pub(super) fn with_unknown_start(mut self, place: &Place, time_s: Series) -> Self {
+        let sensor = place.sensor;
+        let start_s = time_s.first().copied().unwrap_or_default();
+        self.search = match self.search {
+            Search::Grid { parameters, signature, unit_amplitude } => Search::Grid {
+                parameters,
+                signature: Box::new(move |point| {
+                    let mut at_point = signature(point);
+                    let decay = |tau_s: &f64| map(&time_s, |time| ((start_s - time) / tau_s).exp());
+                    at_point.columns.extend(point.first().map(|tau_s| Column::on(sensor, decay(tau_s))));
+                    at_point
+                }),
+                unit_amplitude,
+            },
+            other => other,
+        };
+        self.amplitudes.push(amplitude(place, "at_start", ITSELF, Plausible::UNKNOWN));
         self
     }
 

@@ -13,17 +13,21 @@ use crate::inputs::series::{deviation, lagged, map, product, varies};
 /// Lowest frequency at which an instrument may read out its turn, Hz, and the least number of readings in a record.
 const CONING_LOWEST_HZ: f64 = 0.05;
 const CONING_READINGS: f64 = 20.0;
+/// Part of a record, from its start, that has less than this part of the mean power where the record begins before it is turned.
+const START: f64 = 0.05;
+const LEAST_POWER: f64 = 0.01;
 /// The other torquer's power counts apart where it is more than this part of the own.
 const OTHER_POWER: f64 = 1e-3;
 
 pub(super) const TORQUER_SELF_HEATING: Effect = Effect {
     id: "torquer_self_heating",
     formula: "k·LP_τ(ω²)",
-    sentence: "is heated by its own torquer",
+    sentence: "is heated by the power that its rate takes",
     needs: "a burst of rate, then rest",
     separated_by: "a burst of rate and rest after it, at constant temperature: the drift dies away after the burst",
     source: "IEEE Std 813, torquer heating",
-    acts_on: tuned_gyros,
+    // A tuned gyro by both its torquers; whatever closes another gyro's loop is fed for its own rate.
+    acts_on: gyros,
     candidates: |effect, inputs| {
         let Some(tau) = time_constant(inputs, 10.0, 3600.0) else { return Vec::new() };
         at_each_place(effect, inputs, |place| {
@@ -31,7 +35,7 @@ pub(super) const TORQUER_SELF_HEATING: Effect = Effect {
             let (own, other) = (power(&place.axes.input), power(&place.axes.other));
             let (Some(own), Some(other)) = (own, other) else { return Vec::new() };
             let both: Series = own.iter().zip(&other).map(|(own, other)| own + other).collect();
-            let counts = deviation(&other) > OTHER_POWER * deviation(&own);
+            let counts = tuned_gyros(place.kind) && deviation(&other) > OTHER_POWER * deviation(&own);
             let own: Series = own.into();
             let powers = [("input", own, true), ("both", both, counts)];
             (powers.into_iter())
@@ -39,13 +43,23 @@ pub(super) const TORQUER_SELF_HEATING: Effect = Effect {
                 .map(|(axis, power, _)| {
                     let time_s = inputs.time_s.clone();
                     let amplitude = coefficient(place, RATE_SQUARED, Plausible::UNKNOWN);
-                    Draft::grid(place, tau.clone(), amplitude, move |tau| lagged(&time_s, &power, tau))
-                        .with("axis", axis)
+                    let begins = begins(&power);
+                    let draft =
+                        Draft::grid(place, tau.clone(), amplitude, move |tau| lagged(&time_s, &power, tau))
+                            .with("axis", axis);
+                    if begins { draft } else { draft.with_unknown_start(place, inputs.time_s.clone()) }
                 })
                 .collect()
         })
     },
 };
+
+/// Whether there is no power at first: the sensor is as warm as its surroundings then, and how warm it was is not known otherwise.
+fn begins(power: &[f64]) -> bool {
+    let first = (START * power.len() as f64).ceil() as usize;
+    let mean = |power: &[f64]| power.iter().sum::<f64>() / power.len().max(1) as f64;
+    mean(&power[..first]) < LEAST_POWER * mean(power)
+}
 
 pub(super) const POST_G_TRANSIENT: Effect = Effect {
     id: "post_g_transient",
