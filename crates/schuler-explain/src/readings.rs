@@ -266,7 +266,9 @@ pub fn faults(recording: &Recording, model: &Model) -> Faults {
                 found.push(few_clipped(recording, sensor, &at_limit, part * fault.evidence));
                 fault.evidence *= 1.0 - part;
                 for masked in [&mut masked, &mut masked_without_spikes] {
-                    at_limit.iter().for_each(|&row| masked[sensor][row] = true);
+                    for &row in &at_limit {
+                        masked[sensor][row] = true;
+                    }
                 }
             } else {
                 clipped.push(sensor);
@@ -558,7 +560,8 @@ fn few_clipped(recording: &Recording, sensor: usize, rows: &[usize], evidence: f
 }
 
 /// Those of the spikes of a sensor that a limit of its output explains: they are its readings at its largest inputs, which are known or read
-/// by others, all on one level, which no other input or reading passes, and those at the next largest are right. That a spike is just there is as improbable as there are readings.
+/// by others, all on one level, which no other input or reading passes, and those at the next largest are right. That a spike is just there
+/// is as improbable as there are readings.
 fn at_limits(recording: &Recording, model: &Model, sensor: usize, spikes: &[usize]) -> Vec<usize> {
     let Some(block) = model.block_of(sensor).map(|block| &model.blocks[block]) else { return Vec::new() };
     let rows = block.rows();

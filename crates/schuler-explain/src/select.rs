@@ -233,9 +233,7 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
         found.into_iter().flatten().fold(straight, |best, other| if other.0 > best.0 { other } else { best });
     let mut pairs = Vec::new();
     for source in 0..case.model.sources.len() {
-        let mut starts = pairs_instead(case, &best.1, source, &family, ln_level, &mut for_pairs);
-        starts.extend(beside_a_constant(case, &best.1, source, &family, ln_level, &mut for_pairs));
-        for (start, prices) in starts {
+        for (start, prices) in pairs_instead(case, &best.1, source, &family, ln_level, &mut for_pairs) {
             let walked = from(start, prices, Way::Best, &mut for_pairs);
             if walked.joined {
                 continue;
@@ -264,11 +262,25 @@ pub fn judged_again<'c>(case: &'c Case<'c>, selection: Selection<'_>, level: f64
     Selection { state, bench, family, shown, prices, pairs, null, exceeded }
 }
 
+/// Descriptions with two terms in the place of what a source has.
+fn pairs_instead(
+    case: &Case<'_>,
+    found: &Found<'_>,
+    source: usize,
+    family: &Family,
+    ln_level: f64,
+    budget: &mut Budget,
+) -> Vec<Start> {
+    let mut starts = any_two_instead(case, found, source, family, ln_level, budget);
+    starts.extend(beside_a_constant(case, found, source, family, ln_level, budget));
+    starts
+}
+
 /// Descriptions in which the terms of a source, or one of them, are replaced by two that promise as much together.
 ///
 /// A search that takes one term at a time may take one that looks like the sum of two, beside which neither shows: a lag for a constant
 /// and a drift. Changes of noise stay: slow noise is imitated by whatever shapes it takes.
-fn pairs_instead(
+fn any_two_instead(
     case: &Case<'_>,
     (state, _, prices): &Found<'_>,
     source: usize,
@@ -309,10 +321,7 @@ fn pairs_instead(
         let pairs = promising_pairs(&bench, family, &is_of_source, least, PAIRS_TRIED);
         let exact =
             |pair: [Term; 2]| with_pair(case, &less, &less_prices, pair, (family, ln_level, FURTHEST_ALIKE));
-        let mut exact: Vec<(f64, Start)> = pairs.into_par_iter().filter_map(exact).collect();
-        exact.retain(|(shown, _)| *shown > least);
-        exact.sort_by(|a, b| b.0.total_cmp(&a.0));
-        starts.extend(exact.into_iter().take(PAIRS_FOLLOWED).map(|(_, start)| start));
+        starts.extend(followed(pairs.into_par_iter().filter_map(exact), least));
     }
     starts
 }
@@ -367,10 +376,14 @@ fn beside_a_constant(
         let pair = [constant.clone(), proposal.term];
         with_pair(case, &less, &less_prices, pair, (family, ln_level, FURTHEST_FROM_REFERENCE))
     };
-    let exact = beside.into_par_iter().take(PAIRS_TRIED).filter_map(exact);
-    let mut exact: Vec<(f64, Start)> = exact.filter(|(shown, _)| *shown > least).collect();
-    exact.sort_by(|a, b| b.0.total_cmp(&a.0));
-    exact.into_iter().take(PAIRS_FOLLOWED).map(|(_, start)| start).collect()
+    followed(beside.into_par_iter().take(PAIRS_TRIED).filter_map(exact), least)
+}
+
+/// Of descriptions and what their pairs show those that show most, and more than `least`.
+fn followed(pairs: impl ParallelIterator<Item = (f64, Start)>, least: f64) -> Vec<Start> {
+    let mut pairs: Vec<(f64, Start)> = pairs.filter(|(shown, _)| *shown > least).collect();
+    pairs.sort_by(|a, b| b.0.total_cmp(&a.0));
+    pairs.into_iter().take(PAIRS_FOLLOWED).map(|(_, start)| start).collect()
 }
 
 /// Whether a candidate is about the output, or the input, that a source is.
