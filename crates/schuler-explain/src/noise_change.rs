@@ -178,7 +178,8 @@ impl View<'_> {
             NoiseChange::VarianceStep => self.fit_step(source, start),
             _ => Some(self.fit_promised(source, change, start)),
         });
-        fits.min_by(|a, b| a.ln_p.total_cmp(&b.ln_p))
+        let remembers = |fit: &ChangeFit| is_seen_from_row_to_row(fit, self.block.step_s());
+        fits.filter(remembers).min_by(|a, b| a.ln_p.total_cmp(&b.ln_p))
     }
 
     fn fit_promised(&self, source: usize, change: NoiseChange, start: &Start) -> ChangeFit {
@@ -504,4 +505,13 @@ impl View<'_> {
         let change = NoiseChange::VarianceStep;
         Some(ChangeFit { source, change, noises, knobs, gain, freedom: start.freedom, ln_places, ln_p })
     }
+}
+/// Whether the oscillation that a fit is of lasts from one row to the next: one that has decayed by then is white noise by another name, and
+/// takes with it whatever else of the noise is free beside it.
+fn is_seen_from_row_to_row(fit: &ChangeFit, step_s: f64) -> bool {
+    let lasts = |knob: &Knob| match knob {
+        Knob::CosineAlpha(_) => fit.noises[fit.source].get(*knob) * step_s < 1.0,
+        _ => true,
+    };
+    fit.knobs.iter().all(lasts)
 }

@@ -34,6 +34,10 @@ const FEWEST_EQUAL: usize = 3;
 const FEWEST_STAYS: usize = 3;
 /// How many times as many readings as at the next value.
 const CLIPPED_RATIO: f64 = 4.0;
+/// Evidence of a stuck output, of a limit, and of one beside a known input, nats.
+const LEAST_STUCK: f64 = 20.0;
+const LEAST_CLIPPED: f64 = 10.0;
+const LEAST_BESIDE_INPUT: f64 = 20.0;
 /// Fewest different values of an output that may be clipped.
 const FEWEST_LEVELS: usize = 12;
 /// A lattice matters if its step is at least this part of the white noise,
@@ -300,10 +304,13 @@ fn of_itself(index: usize, series: &SensorSeries, block: Option<&Block>) -> (Vec
         let residuals = block.filter(|block| dwells && block.is_of_one_sensor() && !sensor.relative);
         let is_beyond =
             residuals.is_none_or(|block| goes_beyond(fault, &series.values, &block.data, coarse_step));
-        if !is_beyond {
+        // Beside a known input the search sees how far the few that are equal fall short.
+        let is_known = block.is_some_and(Block::is_of_one_sensor) && !sensor.relative;
+        let is_told = is_beyond && (!is_known || fault.evidence >= LEAST_BESIDE_INPUT);
+        if !is_told {
             mask.fill(false);
         }
-        is_beyond
+        is_told
     });
     let repeats = Repeats { moves, at_rest: same_at_rest(coarse_step, sensor.nominal.white) };
     let stuck = stuck(index, &series.values, repeats, &mut mask);
@@ -380,7 +387,7 @@ fn stuck(sensor: usize, values: &[f64], repeats: Repeats, mask: &mut [bool]) -> 
     // A record that moves most of the time says nothing of how readings repeat where it stands still.
     let p = elsewhere.max(repeats.at_rest);
     let evidence = -(pairs as f64).ln() - length as f64 * p.ln();
-    if evidence < 20.0 {
+    if evidence < LEAST_STUCK {
         return None;
     }
     mask[first..=end].fill(true);
@@ -439,7 +446,7 @@ fn clipped(sensor: usize, values: &[f64], dwells: bool, mask: &mut [bool]) -> Op
         }
     }
     let limit = *limits.first()?;
-    if evidence < 10.0 {
+    if evidence < LEAST_CLIPPED {
         return None;
     }
     let present: Vec<bool> =

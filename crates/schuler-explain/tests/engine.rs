@@ -1307,6 +1307,58 @@ fn a_single_clipped_reading_of_a_pair_is_told() {
     }
 }
 
+/// Three readings that are equal are little, and how far they fall short of a known input is much.
+#[test]
+fn three_equal_readings_that_fall_short_are_clipped() {
+    // So many that three are just enough to be asked for.
+    const LONG: usize = 24_000;
+    let swing = |row: usize| 0.01 * (0.03 * row as f64 + 0.3).sin() * (1.0 + 2e-5 * row as f64);
+    let rates: Vec<f64> = (0..LONG).map(swing).collect();
+    let mut sizes: Vec<f64> = rates.iter().map(|rate| rate.abs()).collect();
+    sizes.sort_by(|a, b| b.total_cmp(a));
+    let limit = 0.5 * (sizes[2] + sizes[3]);
+    let mut random = Pcg64::seed_from_u64(8990);
+    let mut reading = |rate: &f64| {
+        let noise: f64 = StandardNormal.sample(&mut random);
+        (rate + 5e-7 * noise).clamp(-limit, limit)
+    };
+    let values: Vec<f64> = rates.iter().map(&mut reading).collect();
+    assert_eq!(values.iter().filter(|value| value.abs() == limit).count(), 3);
+    let kind = (SensorKind::Fog, Unit::RadianPerSecond);
+    let nominal = Nominal { white: 5e-7, ..Nominal::default() };
+    let gyro = common::series("gyro", kind, [1.0, 0.0, 0.0], nominal, values);
+    let mut recording = common::recording(MotionKind::Recorded, vec![gyro]);
+    recording.motion.rate = Some([rates, vec![0.0; LONG], vec![0.0; LONG]]);
+    let answer = explain(&recording, &Options { hold_out: false, ..Options::default() }).unwrap();
+    let found = answer.findings.iter().map(|finding| (finding.effect.as_str(), finding.evidence.gain_nats));
+    let found: Vec<(&str, f64)> = found.collect();
+    assert!(matches!(found[..], [("output_saturated", gain)] if gain > 40.0), "{found:?}");
+}
+
+/// A white level that is stated too low does not make an oscillation out of slow effects beside it, one that has decayed from one reading to
+/// the next.
+#[test]
+fn jumps_beside_a_louder_noise_than_stated_are_told() {
+    const LONG: usize = 12_000;
+    for (seed, stated) in [(1, 0.7), (2, 0.8), (3, 0.6)] {
+        let mut random = Pcg64::seed_from_u64(9000 + seed);
+        let mut reading = |row: usize| {
+            let noise: f64 = StandardNormal.sample(&mut random);
+            noise + if (row / 1000) % 3 == 1 { 0.6 } else { 0.0 }
+        };
+        let values = (0..LONG).map(&mut reading).collect();
+        let markov = Some(Markov { sigma: 0.02, tau_s: 300.0 });
+        let nominal = Nominal { white: stated, markov, ..Nominal::default() };
+        let kind = (SensorKind::InsVelocity, Unit::MetrePerSecond);
+        let sensor = common::series("velocity", kind, [1.0, 0.0, 0.0], nominal, values);
+        let recording = common::recording(MotionKind::Static, vec![sensor]);
+        let answer = explain(&recording, &Options { hold_out: false, ..Options::default() }).unwrap();
+        let mut found: Vec<&str> = answer.findings.iter().map(|finding| finding.effect.as_str()).collect();
+        found.sort_unstable();
+        assert_eq!(found, ["intermittent_jump", "noise_white"], "{stated}: {:?}", answer.findings);
+    }
+}
+
 /// A spike of a sensor that nothing acts on is at no limit, though any input is its largest.
 #[test]
 fn a_spike_without_an_input_is_no_limit() {
