@@ -69,6 +69,8 @@ const LEAST_COMPARED: f64 = 2.5;
 const LEAST_SPIKES: f64 = 8.5;
 /// Readings on each side with which one may be compared.
 const NEIGHBOURS: [usize; 3] = [2, 4, 8];
+/// Distance of readings, as a multiple of the usual one, beyond which one is no neighbour of the other.
+const FURTHEST_NEIGHBOUR: f64 = 3.0;
 /// Part of its distance from the median of all neighbours by which a spike stands off from those of either side, and from the one
 /// before and the one after it: what lasts for a few readings is no spike.
 const ALONE: f64 = 0.5;
@@ -650,8 +652,15 @@ fn spikes(model: &Model, block: &Block, steps: &[f64], masked: &[Vec<bool>]) -> 
             closest.map(|(_, standoffs)| standoffs).unwrap_or_default()
         })
         .collect();
+    // In a gap the motion may have turned back.
+    let apart: Vec<f64> = used.windows(2).map(|pair| (pair[1] - pair[0]) as f64).collect();
+    let furthest = FURTHEST_NEIGHBOUR * median(&mut apart.clone());
+    let is_beside_gap = |place: usize| {
+        let sides = [place.checked_sub(1), Some(place)].into_iter().flatten();
+        sides.filter_map(|side| apart.get(side)).any(|&rows| rows > furthest)
+    };
     let mut of_sensor: Vec<Vec<(usize, f64)>> = vec![Vec::new(); block.sensors.len()];
-    for (place, &row) in used.iter().enumerate() {
+    for (place, &row) in used.iter().enumerate().filter(|(place, _)| !is_beside_gap(*place)) {
         let vector: Vec<f64> = standoffs.iter().map(|channel| channel[place]).collect();
         let size = vector.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
         if size > LEAST_COMPARED {

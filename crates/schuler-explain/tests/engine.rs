@@ -1359,6 +1359,34 @@ fn jumps_beside_a_louder_noise_than_stated_are_told() {
     }
 }
 
+/// A velocity error that swings turns back in a gap: the first reading after it is the largest for a while, and no spike. A spike elsewhere is
+/// one, and so is one in a record of which only every fifth row was read.
+#[test]
+fn what_turns_back_in_a_gap_is_no_spike() {
+    let of_loop = schuler_loop();
+    let found = |is_read: &dyn Fn(usize) -> bool, spike: Option<usize>| {
+        let values = loop_noise(71, ROWS, &of_loop).into_iter().enumerate().map(|(row, error)| {
+            let swing = 8.0 * (std::f64::consts::TAU * row as f64 / 88.0).cos();
+            let read = error + swing + if Some(row) == spike { 6.0 } else { 0.0 };
+            if is_read(row) { read } else { f64::NAN }
+        });
+        let nominal = Nominal { white: of_loop.velocity_white, ..Nominal::default() };
+        let kind = (SensorKind::InsVelocity, Unit::MetrePerSecond);
+        let velocity = common::series("v", kind, [1.0, 0.0, 0.0], nominal, values.collect());
+        let mut recording = common::recording(MotionKind::VelocityError, vec![velocity]);
+        recording.case.schuler_loop = Some(of_loop.clone());
+        let model = Model::new(&recording, &[]).unwrap();
+        let of = |fault: schuler_explain::readings::Fault| (fault.fault, fault.rows.0);
+        faults(&recording, &model).found.into_iter().map(of).collect::<Vec<_>>()
+    };
+    // From 7 rows before a turn to 6 rows after it.
+    let turn = ROWS / 88 * 44;
+    let read = |row: usize| !(turn - 7..turn + 7).contains(&row);
+    assert_eq!(found(&read, None), []);
+    assert_eq!(found(&read, Some(700)), [(ReadingFault::Outliers, 700)]);
+    assert_eq!(found(&|row| row % 5 == 0, Some(700)), [(ReadingFault::Outliers, 700)]);
+}
+
 /// A spike of a sensor that nothing acts on is at no limit, though any input is its largest.
 #[test]
 fn a_spike_without_an_input_is_no_limit() {
