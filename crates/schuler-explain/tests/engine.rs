@@ -1374,7 +1374,7 @@ fn what_turns_back_in_a_gap_is_no_spike() {
         let kind = (SensorKind::InsVelocity, Unit::MetrePerSecond);
         let velocity = common::series("v", kind, [1.0, 0.0, 0.0], nominal, values.collect());
         let mut recording = common::recording(MotionKind::VelocityError, vec![velocity]);
-        recording.case.schuler_loop = Some(of_loop.clone());
+        recording.case.schuler_loop = Some(of_loop);
         let model = Model::new(&recording, &[]).unwrap();
         let of = |fault: schuler_explain::readings::Fault| (fault.fault, fault.rows.0);
         faults(&recording, &model).found.into_iter().map(of).collect::<Vec<_>>()
