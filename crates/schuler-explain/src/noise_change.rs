@@ -506,6 +506,7 @@ impl View<'_> {
         Some(ChangeFit { source, change, noises, knobs, gain, freedom: start.freedom, ln_places, ln_p })
     }
 }
+
 /// Whether the oscillation that a fit is of lasts from one row to the next: one that has decayed by then is white noise by another name, and
 /// takes with it whatever else of the noise is free beside it.
 fn is_seen_from_row_to_row(fit: &ChangeFit, step_s: f64) -> bool {

@@ -597,6 +597,9 @@ fn at_limits(recording: &Recording, model: &Model, sensor: usize, spikes: &[usiz
     let is_clipped =
         |row: &&usize| spikes.contains(*row) && (0.0..1.0).contains(&(readings[**row] / inputs[**row]));
     let clipped: Vec<usize> = known.iter().take_while(is_clipped).copied().collect();
+    if clipped.is_empty() {
+        return clipped;
+    }
     let levels = || clipped.iter().map(|&row| readings[row].abs());
     let (least, most) = (levels().fold(f64::INFINITY, f64::min), levels().fold(0.0, f64::max));
     let next = known.get(clipped.len()).map_or(f64::INFINITY, |&row| inputs[row].abs());
