@@ -276,10 +276,11 @@ fn pairs_instead(
     starts
 }
 
-/// Descriptions in which the terms of a source, or one of them, are replaced by two that promise as much together.
+/// Descriptions in which the terms of a source, one of them, or an oscillation are replaced by two that promise as much together.
 ///
 /// A search that takes one term at a time may take one that looks like the sum of two, beside which neither shows: a lag for a constant
-/// and a drift. Changes of noise stay: slow noise is imitated by whatever shapes it takes.
+/// and a drift. An oscillating error imitates whatever two terms have the frequency of a motion, a lag and a scale factor. Other changes of
+/// noise stay: slow noise is imitated by whatever shapes it takes.
 fn any_two_instead(
     case: &Case<'_>,
     (state, _, prices): &Found<'_>,
@@ -289,41 +290,56 @@ fn any_two_instead(
     budget: &mut Budget,
 ) -> Vec<Start> {
     let is_of_source = |candidate: usize| is_of(case, candidate, source);
-    let own: Vec<usize> =
-        (0..state.terms.len()).filter(|&place| is_of_source(state.terms[place].candidate)).collect();
-    if own.is_empty() {
-        return Vec::new();
-    }
-    let mut replaced: Vec<Vec<usize>> = own.iter().map(|&place| vec![place]).collect();
+    let own = (0..state.terms.len()).filter(|&place| is_of_source(state.terms[place].candidate));
+    let own: Vec<Item> = own.map(Item::Term).collect();
+    let is_oscillation =
+        |change: &Accepted| change.source == source && change.change == NoiseChange::ExponentialCosine;
+    let oscillations =
+        (0..state.changes.len()).filter(|&place| is_oscillation(&state.changes[place])).map(Item::Change);
+    let mut replaced: Vec<Vec<Item>> =
+        own.iter().copied().chain(oscillations).map(|item| vec![item]).collect();
     if own.len() > 1 {
         replaced.push(own);
     }
+    if replaced.is_empty() {
+        return Vec::new();
+    }
     let blocks = blocks_with(case.model, source);
     let all = shown(case, state, prices, family);
-    let cost = |(_, shown): &(Item, Shown)| shown.gain - shown.evidence;
     let mut starts = Vec::new();
-    for places in replaced {
+    for items in replaced {
         if case.watch.is_cancelled() || !budget.affords(of_round(case, state, &blocks)) {
             break;
         }
-        let is_replaced =
-            |(item, _): &&(Item, Shown)| matches!(item, Item::Term(place) if places.contains(place));
-        let costs: f64 = all.iter().filter(is_replaced).map(cost).sum();
-        let (mut less, mut less_prices) = (state.clone(), prices.clone());
-        // The last first, so that the places of the others stay.
-        for &place in places.iter().rev() {
-            less.terms.remove(place);
-            less_prices.remove(place);
-        }
+        let (less, less_prices) = without_all(case, state, prices, &items);
         let (less, bench) = refitted(case, &less, Some(&blocks));
-        let shown_by_them = state.log_likelihood - less.log_likelihood - costs;
-        let least = shown_by_them - PAIR_BEHIND;
+        let least = shown_by(&all, &items, state, &less) - PAIR_BEHIND;
         let pairs = promising_pairs(&bench, family, &is_of_source, least, PAIRS_TRIED);
         let exact =
             |pair: [Term; 2]| with_pair(case, &less, &less_prices, pair, (family, ln_level, FURTHEST_ALIKE));
         starts.extend(followed(pairs.into_par_iter().filter_map(exact), least));
     }
     starts
+}
+
+/// A description without some of its items, everything else as it was, and the prices of what is left.
+fn without_all(case: &Case<'_>, state: &State, prices: &[Price], items: &[Item]) -> (State, Vec<Price>) {
+    let (mut less, mut less_prices) = (state.clone(), prices.to_vec());
+    // The last first, so that the places of the others stay.
+    for &item in items.iter().rev() {
+        less = taken_out(case, &less, item);
+        if let Item::Term(place) = item {
+            less_prices.remove(place);
+        }
+    }
+    (less, less_prices)
+}
+
+/// What items of a description show, of which it is known what each shows beside all others, over the one without them.
+fn shown_by(all: &[(Item, Shown)], items: &[Item], with: &State, less: &State) -> f64 {
+    let of_them = all.iter().filter(|(item, _)| items.contains(item));
+    let costs: f64 = of_them.map(|(_, shown)| shown.gain - shown.evidence).sum();
+    with.log_likelihood - less.log_likelihood - costs
 }
 
 /// Descriptions in which the terms of a source, or the slow noise of one without terms, are replaced by a constant and one term more.
@@ -346,7 +362,7 @@ fn beside_a_constant(
     };
     let is_noise =
         |change: &Accepted| change.source == source && change.knobs.iter().any(|&knob| is_slow(knob));
-    let terms = (0..state.terms.len()).rev().filter(|&place| wanted(state.terms[place].candidate));
+    let terms = (0..state.terms.len()).filter(|&place| wanted(state.terms[place].candidate));
     let mut replaced: Vec<Item> = terms.map(Item::Term).collect();
     if replaced.is_empty() {
         replaced.extend(state.changes.iter().position(is_noise).map(Item::Change));
@@ -356,18 +372,9 @@ fn beside_a_constant(
     if has_constant || replaced.is_empty() || !budget.affords(of_round(case, state, &blocks)) {
         return Vec::new();
     }
-    let (mut less, mut less_prices) = (state.clone(), prices.clone());
-    for &item in &replaced {
-        less = taken_out(case, &less, item);
-        if let Item::Term(place) = item {
-            less_prices.remove(place);
-        }
-    }
+    let (less, less_prices) = without_all(case, state, prices, &replaced);
     let (less, _) = refitted(case, &less, Some(&blocks));
-    let all = shown(case, state, prices, family);
-    let of_them = all.iter().filter(|(item, _)| replaced.contains(item));
-    let costs: f64 = of_them.map(|(_, shown)| shown.gain - shown.evidence).sum();
-    let least = state.log_likelihood - less.log_likelihood - costs - PAIR_BEHIND;
+    let least = shown_by(&shown(case, state, prices, family), &replaced, state, &less) - PAIR_BEHIND;
     let constant = Term::new(constant, &case.candidates[constant], &[], case.time_s);
     let terms = [less.terms.as_slice(), std::slice::from_ref(&constant)].concat();
     let bench = Bench::new(case, &terms, &less.noises);

@@ -1270,6 +1270,28 @@ fn a_dependence_whose_mean_is_nominal_is_no_slow_noise() {
     assert_eq!(found, ["bias_constant", "bias_temperature"], "{:?}", answer.findings);
 }
 
+/// A lag and a scale factor of a gyro on a table that swings at one frequency, of which the amplitude changes: an oscillating error of that
+/// frequency shows more than either.
+#[test]
+fn two_effects_at_the_frequency_of_a_table_are_no_oscillation() {
+    let (white, turning) = (3e-5, 0.3);
+    let rate = |time: f64| 0.01 * (0.002 * time).cos() * (turning * time).sin();
+    for trial in 0..6_u64 {
+        let mut random = Pcg64::seed_from_u64(8980 + trial);
+        let [scale, delay] = [12e-4, 4e-3].map(|size| if trial.is_multiple_of(2) { size } else { -size });
+        let mut reading = |row: usize| {
+            let noise: f64 = StandardNormal.sample(&mut random);
+            (1.0 + scale) * rate(row as f64 - delay) + white * noise
+        };
+        let values = (0..ROWS).map(&mut reading).collect();
+        let recording = beside_rate((0..ROWS).map(|row| rate(row as f64)).collect(), white, values);
+        let answer = explain(&recording, &Options { hold_out: false, ..Options::default() }).unwrap();
+        let classes: Vec<Vec<String>> = answer.findings.into_iter().map(|finding| finding.class).collect();
+        let has = |effect: &str| classes.iter().any(|class| class.iter().any(|other| other == effect));
+        assert!(classes.len() == 2 && has("scale_factor") && has("time_delay"), "{trial}: {classes:?}");
+    }
+}
+
 /// Of two sensors that are only held against each other the one that is clipped for one reading reads its largest while the other goes on; a
 /// spike at rest is none, whichever way it goes.
 #[test]
