@@ -153,6 +153,13 @@ impl Noise {
         self.white * self.white + self.rounding * self.rounding / 12.0
     }
 
+    /// Variance of all but a random walk, of which it grows.
+    pub fn bounded_variance(&self) -> f64 {
+        let markov = self.all_markov().map(|part| part.sigma);
+        let sigmas = markov.chain(self.exp_cos.iter().map(|part| part.sigma));
+        self.white_variance() + sigmas.map(|sigma| sigma * sigma).sum::<f64>()
+    }
+
     /// The Markov parts, those of flicker included.
     fn all_markov(&self) -> impl Iterator<Item = Markov> + '_ {
         let Flicker { sigma, tau_s: [short, long] } = self.flicker;

@@ -63,6 +63,9 @@ const LARGEST_STANDOFF: f64 = 1e3;
 const ALIKE_AT_LIMIT: f64 = 5.0;
 /// Readings at the next largest inputs with which clipped ones are compared.
 const COMPARED: usize = 5;
+/// Deviations by which what should be read must stay off a limit that has cut readings off, for its error to be as others are: at so many
+/// the mean error of what is left is half a hundredth of the deviation.
+const NEAR_LIMIT: f64 = 3.0;
 /// Standoff from which on spikes are compared with a reading.
 const LEAST_COMPARED: f64 = 2.5;
 /// Evidence below which readings that stand off are left as they are: one sensor in five thousand shows as much by chance.
@@ -258,6 +261,9 @@ pub fn faults(recording: &Recording, model: &Model) -> Faults {
         if let Some(step) = fault.lattice_step() {
             steps[fault.sensor] = step;
         }
+    }
+    for fault in found.iter().filter(|fault| fault.fault == ReadingFault::Saturated) {
+        mask_near_limits(recording, model, fault.sensor, &mut masked[fault.sensor]);
     }
     // A sensor is in one block.
     let spikes: Vec<(Fault, Vec<usize>)> =
@@ -568,17 +574,13 @@ fn few_clipped(recording: &Recording, sensor: usize, rows: &[usize], evidence: f
     Fault { sensor, fault: ReadingFault::Saturated, evidence, rows: (first, last + 1), parameters }
 }
 
-/// Those of the spikes of a sensor that a limit of its output explains: they are its readings at its largest inputs, which are known or read
-/// by others, all on one level, which no other input or reading passes, and those at the next largest are right. That a spike is just there
-/// is as improbable as there are readings.
-fn at_limits(recording: &Recording, model: &Model, sensor: usize, spikes: &[usize]) -> Vec<usize> {
-    let Some(block) = model.block_of(sensor).map(|block| &model.blocks[block]) else { return Vec::new() };
+/// The errors of a sensor by rows, as far as they would be its alone: of the residuals of a known input, or of what others read. `None` where
+/// neither is known.
+fn errors_of(block: &Block, sensor: usize) -> Option<Vec<f64>> {
     let rows = block.rows();
     let unit = Column::on(sensor, vec![1.0; rows]);
     let shape =
-        block.project(&unit, Port::Output).filter(|_| block.is_of_one_sensor() || block.is_redundant());
-    let Some(shape) = shape else { return Vec::new() };
-    // By the error that would be its alone.
+        block.project(&unit, Port::Output).filter(|_| block.is_of_one_sensor() || block.is_redundant())?;
     let error = |row: usize| {
         let places = (0..block.channels).map(|channel| channel * rows + row);
         let (along, of_unit) = places.fold((0.0, 0.0), |(along, of_unit), at| {
@@ -586,8 +588,50 @@ fn at_limits(recording: &Recording, model: &Model, sensor: usize, spikes: &[usiz
         });
         along / of_unit
     };
+    Some((0..rows).map(error).collect())
+}
+
+/// Masks the readings of a clipped sensor that should lie so near its limit that some like them were cut off: those that were not have
+/// an error of one sign. By what they should be, which is known or read by others, and not by what they are, which would choose by the
+/// error. Where that is most of the readings they stay.
+fn mask_near_limits(recording: &Recording, model: &Model, sensor: usize, masked: &mut [bool]) {
+    let Some(block) = model.block_of(sensor).map(|block| &model.blocks[block]) else { return };
+    let (Some(errors), Some(source)) = (errors_of(block, sensor), model.source_of(sensor, Port::Output))
+    else {
+        return;
+    };
     let readings = of_input(recording, &[], sensor);
-    let inputs: Vec<f64> = (0..rows).map(|row| readings[row] - error(row)).collect();
+    let is_left = |&row: &usize| block.present[row] && !masked[row] && errors[row].is_finite();
+    let left: Vec<usize> = (0..block.rows()).filter(is_left).collect();
+    let usual = median(&mut left.iter().map(|&row| errors[row]).collect::<Vec<f64>>());
+    let reach = NEAR_LIMIT * model.sources[source].nominal.bounded_variance().sqrt();
+    let at_limit = readings.iter().zip(&*masked).filter(|(_, masked)| **masked).map(|(reading, _)| *reading);
+    let (least, most) = left.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), &row| {
+        (least.min(readings[row]), most.max(readings[row]))
+    });
+    // What is clipped is beyond all other readings.
+    let (below, above) = at_limit.fold((f64::NEG_INFINITY, f64::INFINITY), |(below, above), limit| {
+        (if limit < least { limit } else { below }, if limit > most { limit } else { above })
+    });
+    let is_near = |row: &usize| {
+        let expected = readings[*row] - errors[*row] + usual;
+        expected < below + reach || expected > above - reach
+    };
+    let near: Vec<usize> = left.iter().copied().filter(is_near).collect();
+    if 2 * near.len() <= left.len() {
+        near.into_iter().for_each(|row| masked[row] = true);
+    }
+}
+
+/// Those of the spikes of a sensor that a limit of its output explains: they are its readings at its largest inputs, which are known or read
+/// by others, all on one level, which no other input or reading passes, and those at the next largest are right. That a spike is just there
+/// is as improbable as there are readings.
+fn at_limits(recording: &Recording, model: &Model, sensor: usize, spikes: &[usize]) -> Vec<usize> {
+    let Some(block) = model.block_of(sensor).map(|block| &model.blocks[block]) else { return Vec::new() };
+    let Some(errors) = errors_of(block, sensor) else { return Vec::new() };
+    let rows = block.rows();
+    let readings = of_input(recording, &[], sensor);
+    let inputs: Vec<f64> = readings.iter().zip(&errors).map(|(reading, error)| reading - error).collect();
     let variance = |&source: &usize| model.sources[source].nominal.white_variance();
     let within = ALIKE_AT_LIMIT * block.sources.iter().map(variance).sum::<f64>().sqrt();
     let mut known: Vec<usize> =
@@ -606,9 +650,9 @@ fn at_limits(recording: &Recording, model: &Model, sensor: usize, spikes: &[usiz
     let others = known.iter().skip(clipped.len()).map(|&row| readings[row].abs());
     let is_largest = others.fold(0.0, f64::max) <= most;
     // What is out of scale falls short at all its inputs as they are large, and by no more at the largest.
-    let mut all: Vec<f64> = known.iter().map(|&row| error(row)).collect();
+    let mut all: Vec<f64> = known.iter().map(|&row| errors[row]).collect();
     let usual = median(&mut all);
-    let of_input = |&row: &usize| ((error(row) - usual) / inputs[row]).abs();
+    let of_input = |&row: &usize| ((errors[row] - usual) / inputs[row]).abs();
     let mut of_next: Vec<f64> = known.iter().skip(clipped.len()).take(COMPARED).map(of_input).collect();
     let of_clipped = clipped.iter().map(of_input).fold(f64::INFINITY, f64::min);
     let in_scale = median(&mut of_next) < ALONE * of_clipped;

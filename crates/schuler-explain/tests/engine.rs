@@ -1270,6 +1270,43 @@ fn a_dependence_whose_mean_is_nominal_is_no_slow_noise() {
     assert_eq!(found, ["bias_constant", "bias_temperature"], "{:?}", answer.findings);
 }
 
+/// A log that is clipped in its noise reads too little near the limit as well, where it reads at all: that is no error of its scale.
+#[test]
+fn what_is_left_beside_a_limit_is_not_out_of_scale() {
+    let named = |trial: u64| {
+        let mut random = Pcg64::seed_from_u64(8700 + trial);
+        let sensors = [0, 1].map(|sensor| {
+            let white = [5e-3, 0.2][sensor];
+            let mut reading = |row: usize| {
+                let noise: f64 = StandardNormal.sample(&mut random);
+                let value = 2.0 + 1.8 * (0.004 * row as f64 + trial as f64).sin() + white * noise;
+                if sensor == 1 { value.min(3.6) } else { value }
+            };
+            let kind = ([SensorKind::InsVelocity, SensorKind::Doppler][sensor], Unit::MetrePerSecond);
+            let nominal = Nominal { white, ..Nominal::default() };
+            let values = (0..ROWS).map(&mut reading).collect();
+            common::series(["ins", "log"][sensor], kind, [1.0, 0.0, 0.0], nominal, values)
+        });
+        let recording = common::recording(MotionKind::Unknown, sensors.to_vec());
+        let found = |recording: &Recording| {
+            let answer = explain(recording, &Options { hold_out: false, ..Options::default() }).unwrap();
+            let found = answer.findings.into_iter().map(|finding| (finding.sensor, finding.effect));
+            found.collect::<Vec<(String, String)>>()
+        };
+        assert_eq!(found(&recording), [("log".to_owned(), "output_saturated".to_owned())], "{trial}");
+        // And a gyro beside the rate that it should read.
+        let rates: Vec<f64> = (0..ROWS).map(|row| 0.01 * (0.004 * row as f64 + trial as f64).sin()).collect();
+        let mut reading = |rate: &f64| {
+            let noise: f64 = StandardNormal.sample(&mut random);
+            (rate + 5e-4 * noise).min(0.0095)
+        };
+        let values = rates.iter().map(&mut reading).collect();
+        let recording = beside_rate(rates, 5e-4, values);
+        assert_eq!(found(&recording), [("gyro".to_owned(), "output_saturated".to_owned())], "{trial}");
+    };
+    (0..8_u64).into_par_iter().for_each(named);
+}
+
 /// A lag and a scale factor of a gyro on a table that swings at one frequency, of which the amplitude changes: an oscillating error of that
 /// frequency shows more than either.
 #[test]
