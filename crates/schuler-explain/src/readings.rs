@@ -71,7 +71,8 @@ const LEAST_COMPARED: f64 = 2.5;
 /// Evidence below which readings that stand off are left as they are: one sensor in five thousand shows as much by chance.
 const LEAST_SPIKES: f64 = 8.5;
 /// Readings on each side with which one may be compared.
-const NEIGHBOURS: [usize; 3] = [2, 4, 8];
+const NEIGHBOURS: [usize; 3] = [2, 4, MOST_NEIGHBOURS];
+const MOST_NEIGHBOURS: usize = 8;
 /// Distance of readings, as a multiple of the usual one, beyond which one is no neighbour of the other.
 const FURTHEST_NEIGHBOUR: f64 = 3.0;
 /// Part of its distance from the median of all neighbours by which a spike stands off from those of either side, and from the one
@@ -738,39 +739,80 @@ fn spikes(model: &Model, block: &Block, steps: &[f64], masked: &[Vec<bool>]) -> 
     found
 }
 
-/// Spread of the distances of readings from the median of so many neighbours on each side, and those distances, in standard
-/// deviations of at least `floor`; 0 where a reading does not stand off from both sides alike.
+/// Spread of the distances of readings from the median of so many neighbours on each side, as there are near an end, and those
+/// distances, in standard deviations of at least `floor`; 0 of one that matters where it is not that reading [alone](is_alone).
 ///
 /// Distances of readings that go by a `step` are multiples of half of it. They are spread evenly over these: many equal ones would all
 /// stand off from the next level, and their median would be a level.
 fn standoffs(values: &[f64], neighbours: usize, step: f64, floor: f64) -> (f64, Vec<f64>) {
-    let mut of_both = vec![0.0; 2 * neighbours];
-    let mut distances = vec![0.0; values.len()];
-    let mut alone = vec![false; values.len()];
-    for place in neighbours..values.len().saturating_sub(neighbours) {
-        let (before, after) = of_both.split_at_mut(neighbours);
-        before.copy_from_slice(&values[place - neighbours..place]);
-        after.copy_from_slice(&values[place + 1..=place + neighbours]);
-        let sides = [median(before), median(after)];
-        let distance = values[place] - median(&mut of_both);
+    let mut both = Vec::with_capacity(2 * neighbours);
+    let mut distance = |place: usize| {
+        let [before, after] = sides(values, place, neighbours);
+        both.clear();
+        both.extend(before.iter().chain(after));
+        // The median of fewer has a larger error.
+        let of_fewer = (1.0 + 1.0 / both.len() as f64) / (1.0 + 0.5 / neighbours as f64);
         let evenly = (place as f64 * GOLDEN).fract() - 0.5;
-        distances[place] = distance + 0.5 * step * evenly;
-        let stands_off = |from: f64| (values[place] - from) / distance > ALONE;
-        alone[place] = [sides[0], sides[1], values[place - 1], values[place + 1]].into_iter().all(stands_off);
-    }
+        (values[place] - median(&mut both)) / of_fewer.sqrt() + 0.5 * step * evenly
+    };
+    let mut distances: Vec<f64> = (0..values.len()).map(&mut distance).collect();
     let spread = |distances: &[f64]| {
         let mut sizes: Vec<f64> = distances.iter().map(|distance| distance.abs()).collect();
         PER_MEDIAN * median(&mut sizes)
     };
     let whole = spread(&distances).max(floor);
-    for (distances, alone) in distances.chunks_mut(ONE_SPREAD).zip(alone.chunks(ONE_SPREAD)) {
+    for (part, distances) in distances.chunks_mut(ONE_SPREAD).enumerate() {
         // Of a few readings the spread is not known.
         let own = if distances.len() > ONE_SPREAD / 2 { spread(distances).max(whole) } else { whole };
-        for (distance, alone) in distances.iter_mut().zip(alone) {
-            *distance = if *alone && own > 0.0 { *distance / own } else { 0.0 };
+        for (place, distance) in (part * ONE_SPREAD..).zip(distances) {
+            *distance = if own > 0.0 { *distance / own } else { 0.0 };
+            if distance.abs() > LEAST_COMPARED && !is_alone(values, place, neighbours) {
+                *distance = 0.0;
+            }
         }
     }
     (whole, distances)
+}
+
+/// The neighbours of a reading before and after it: as many on the one side as on the other, but for the first and the last reading, which
+/// have those of one side, and more of them, as these must show a slope themselves.
+fn sides(values: &[f64], place: usize, neighbours: usize) -> [&[f64]; 2] {
+    let (before, after) = (&values[..place], &values[place + 1..]);
+    let reach = match before.len().min(after.len()) {
+        0 => MOST_NEIGHBOURS,
+        fewer => neighbours.min(fewer),
+    };
+    [&before[before.len().saturating_sub(reach)..], &after[..reach.min(after.len())]]
+}
+
+/// Whether a reading stands off from its neighbours of either side alike, and from the nearest: from their levels, or, of readings that rise
+/// or fall from row to row, from the lines through them. The first and the last reading have one side, and are alone where the nearest of
+/// it does not stand off from the others.
+fn is_alone(values: &[f64], place: usize, neighbours: usize) -> bool {
+    let value = values[place];
+    let [before, after] = sides(values, place, neighbours);
+    let middle = |values: &mut dyn Iterator<Item = f64>| median(&mut values.collect::<Vec<f64>>());
+    let distance = value - middle(&mut before.iter().chain(after).copied());
+    let stands_off = |from: f64| (value - from) / distance > ALONE;
+    // Nearest first.
+    let [before, after]: [Vec<f64>; 2] = [before.iter().rev().copied().collect(), after.to_vec()];
+    match (before.as_slice(), after.as_slice()) {
+        ([nearest, others @ ..], []) | ([], [nearest, others @ ..]) => {
+            let of_nearest = nearest - middle(&mut others.iter().copied());
+            stands_off(*nearest) && of_nearest.abs() < ALONE * distance.abs()
+        }
+        (before, after) => {
+            let from_level =
+                |side: &[f64]| stands_off(middle(&mut side.iter().copied())) && stands_off(side[0]);
+            let from_line = |side: &[f64]| {
+                let rise = middle(&mut side.windows(2).map(|pair| pair[0] - pair[1]));
+                let centre = 0.5 * (side.len() + 1) as f64;
+                stands_off(middle(&mut side.iter().copied()) + centre * rise) && stands_off(side[0] + rise)
+            };
+            [before, after].into_iter().all(from_level)
+                || [before, after].into_iter().all(|side| side.len() > 1 && from_line(side))
+        }
+    }
 }
 
 /// How many of the readings (row, standoff) that stand off most are spikes, and how much they show: several that would not stand
@@ -857,6 +899,16 @@ mod tests {
             assert!(spikes(&|k| if (700..703).contains(&k) { 4.0 } else { 0.0 }).is_empty());
             assert!(spikes(&|k| if k >= 700 { 4.0 } else { 0.0 }).is_empty());
             assert!(spikes(&|k| 0.1 * k as f64).is_empty());
+            // At the ends, and on a slope that is steeper than the spike; but no kink, no step of a slope, and nothing that decays.
+            for place in [0, 1, 2, 1996, 1998, 1999] {
+                assert_eq!(spikes(&|k| if k == place { 6.0 } else { 0.0 }), [place]);
+            }
+            for rise in [1.0, 10.0, 100.0] {
+                assert_eq!(spikes(&|k| rise * k as f64 + if k == 700 { 6.0 } else { 0.0 }), [700]);
+                assert!(spikes(&|k| rise * k.saturating_sub(700) as f64).is_empty());
+                assert!(spikes(&|k| rise * k as f64 + if k >= 700 { 6.0 } else { 0.0 }).is_empty());
+                assert!(spikes(&|k| rise * (-(k as f64) / 2.0).exp()).is_empty());
+            }
         }
     }
 
