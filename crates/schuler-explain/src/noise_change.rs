@@ -7,9 +7,10 @@
 use schuler_recording::case::{ExponentialCosine, Markov};
 
 use crate::catalogue::{NoiseChange, Port};
+use crate::common_motion::CommonMotion;
 use crate::description::Projected;
 use crate::noise::{Flicker, Knob, Noise, RowsOfLevel, VarianceStep};
-use crate::noise_fit::{SourceKnob, exact, logs_of, polish, whittle};
+use crate::noise_fit::{Evidence, SourceKnob, exact, logs_of, polish, whittle};
 use crate::nominal::{Block, Source};
 use crate::price::Price;
 use crate::spectrum::Spectrum;
@@ -89,6 +90,8 @@ pub struct View<'b> {
     pub whitened: &'b [f64],
     /// Their spectrum.
     pub spectrum: &'b Spectrum,
+    /// What its readings tell beside the residuals, if they are redundant.
+    pub common: Option<&'b CommonMotion>,
     /// Exact log-likelihood.
     pub log_likelihood: f64,
 }
@@ -185,7 +188,9 @@ impl View<'_> {
     fn fit_promised(&self, source: usize, change: NoiseChange, start: &Start) -> ChangeFit {
         let knobs: Vec<SourceKnob> = start.knobs.iter().map(|&knob| (source, knob)).collect();
         let least = self.log_likelihood + WORTH_POLISHING;
-        let fit = polish(self.block, self.spectrum, self.projected, &start.noises, &knobs, least, None);
+        let &Self { block, spectrum, projected, common, .. } = self;
+        let evidence = Evidence { block, spectrum, projected, common };
+        let fit = polish(evidence, &start.noises, &knobs, least, None);
         let gain = fit.log_likelihood - self.log_likelihood;
         let ln_p = (ln_chi_squared_tail(2.0 * gain, start.freedom) + start.ln_places).min(0.0);
         ChangeFit {

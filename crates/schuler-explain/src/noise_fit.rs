@@ -2,6 +2,7 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use crate::common_motion::CommonMotion;
 use crate::description::{Projected, Sums, take_off};
 use crate::minimise::{IMPOSSIBLE, simplex};
 use crate::noise::{Knob, Noise};
@@ -41,7 +42,7 @@ pub type SourceKnob = (usize, Knob);
 pub struct NoiseFit {
     /// All noises.
     pub noises: Vec<Noise>,
-    /// Exact log-likelihood of the block.
+    /// Exact log-likelihood of the block's residuals.
     pub log_likelihood: f64,
 }
 
@@ -230,35 +231,61 @@ fn ahead<T>(
     None
 }
 
-/// The maximum of the exact likelihood over `knobs`, from noises near it; curvatures from Whittle's. Where it stays below
-/// `least` by all that is seen on the way, it is left before it is reached. `known` are the log-likelihood and the amplitudes
-/// at the noises given, where they are known.
+/// What noises of a block are fitted to.
+#[derive(Clone, Copy)]
+pub struct Evidence<'e> {
+    /// The block.
+    pub block: &'e Block,
+    /// Spectrum of its residual.
+    pub spectrum: &'e Spectrum,
+    /// Its data and regressors.
+    pub projected: &'e Projected,
+    /// What its readings tell beside the residuals, if they are redundant.
+    pub common: Option<&'e CommonMotion>,
+}
+
+impl Evidence<'_> {
+    /// What the readings tell of noises beside the residuals, log-likelihood up to a constant.
+    fn beside_residuals(&self, noises: &[Noise]) -> f64 {
+        self.common.map_or(0.0, |common| common.beside_residual(noises))
+    }
+}
+
+/// The maximum of the exact likelihood over `knobs`, from noises near it; curvatures from Whittle's. Residuals of redundant sensors do not
+/// tell whose the noise is: there it is the maximum of what they and the readings tell together, and the log-likelihood is that of the
+/// residuals alone. Where it stays below `least` by all that is seen on the way, it is left before it is reached. `known` are the
+/// log-likelihood and the amplitudes at the noises given, where they are known.
 pub fn polish(
-    block: &Block,
-    spectrum: &Spectrum,
-    projected: &Projected,
+    evidence: Evidence<'_>,
     noises: &[Noise],
     knobs: &[SourceKnob],
     least: f64,
     known: Option<(f64, DVector<f64>)>,
 ) -> NoiseFit {
+    let Evidence { block, spectrum, projected, .. } = evidence;
     let (step_s, rows) = (block.step_s(), block.rows());
-    let penalty = |logs: &[f64]| 100.0 * outside(knobs, logs, step_s, rows);
+    // What is added to the log-likelihood of the residuals.
+    let beside = |logs: &[f64], noises: &[Noise]| {
+        evidence.beside_residuals(noises) - 100.0 * outside(knobs, logs, step_s, rows)
+    };
     let likelihood = |logs: &[f64]| {
-        let (best, amplitudes) = exact_with_amplitudes(block, &with_logs(noises, knobs, logs), projected);
-        (best - penalty(logs), amplitudes)
+        let noises = with_logs(noises, knobs, logs);
+        let (best, amplitudes) = exact_with_amplitudes(block, &noises, projected);
+        (best + beside(logs, &noises), (best, amplitudes))
     };
     let mut logs = logs_of(noises, knobs);
-    let (mut here, mut amplitudes) = match known {
-        Some((best, amplitudes)) => (best - penalty(&logs), amplitudes),
+    let (mut here, (mut of_residuals, mut amplitudes)) = match known {
+        Some((best, amplitudes)) => (best + beside(&logs, noises), (best, amplitudes)),
         None => likelihood(&logs),
     };
     // At its maximum over the regressors' amplitudes the likelihood changes with the noise as it does at these amplitudes: its
     // derivatives ask for one column to be whitened, however many regressors there are.
-    let at_amplitudes =
-        |logs: &[f64], left: &Projected| exact(block, &with_logs(noises, knobs, logs), left) - penalty(logs);
+    let at_amplitudes = |logs: &[f64], left: &Projected| {
+        let noises = with_logs(noises, knobs, logs);
+        exact(block, &noises, left) + beside(logs, &noises)
+    };
     if here == f64::NEG_INFINITY {
-        return NoiseFit { noises: noises.to_vec(), log_likelihood: here };
+        return NoiseFit { noises: noises.to_vec(), log_likelihood: of_residuals };
     }
     let alone = (knobs.first().filter(|first| knobs.iter().all(|knob| knob.0 == first.0)))
         .and_then(|&(source, _)| spectrum.one_source(block, noises, source));
@@ -266,13 +293,13 @@ pub fn polish(
     let several = redundant && alone.is_none();
     // Each derivative by one of the parameters is a run over the record; Whittle's likelihood costs next to nothing beside it.
     if several && let Some((near, gained)) = climbed(block, spectrum, noises, knobs, &logs) {
-        if here + DOUBTED * gained + FAR_NATS < least {
-            return NoiseFit { noises: noises.to_vec(), log_likelihood: here };
+        if of_residuals + DOUBTED * gained + FAR_NATS < least {
+            return NoiseFit { noises: noises.to_vec(), log_likelihood: of_residuals };
         }
         if gained > WORTH_MOVING {
-            let (there, with_amplitudes) = likelihood(&near);
+            let (there, with) = likelihood(&near);
             if there > here {
-                (logs, here, amplitudes) = (near, there, with_amplitudes);
+                (logs, here, (of_residuals, amplitudes)) = (near, there, with);
             }
         }
     }
@@ -288,6 +315,10 @@ pub fn polish(
             .flatten()
             .map(|derivatives| derivatives.curvature);
         let mut information = closed.unwrap_or_else(by_differences);
+        if evidence.common.is_some() {
+            let told = |logs: &[f64]| -evidence.beside_residuals(&with_logs(noises, knobs, logs));
+            information += curvature(&logs, STEP, told);
+        }
         let size = logs.len();
         let mut gradient = DVector::zeros(size);
         let left = left_by(projected, &amplitudes);
@@ -310,18 +341,18 @@ pub fn polish(
         tell_levels_apart(&mut information, knobs);
         let step = newton_step(information, &gradient);
         let promised = 0.5 * gradient.dot(&step);
-        if promised < PROMISE || here + DOUBTED * promised < least {
+        if promised < PROMISE || of_residuals + DOUBTED * promised < least {
             break;
         }
         let Some(ahead) = ahead(&logs, &step, here, likelihood) else { break };
         let unforeseen = (ahead.log_likelihood - here - promised).abs();
-        (logs, here, amplitudes) = (ahead.logs, ahead.log_likelihood, ahead.with);
+        (logs, here, (of_residuals, amplitudes)) = (ahead.logs, ahead.log_likelihood, ahead.with);
         // A whole step that gained what it promised has led to the top.
         if redundant && ahead.whole && unforeseen < PROMISE {
             break;
         }
     }
-    NoiseFit { noises: with_logs(noises, knobs, &logs), log_likelihood: here }
+    NoiseFit { noises: with_logs(noises, knobs, &logs), log_likelihood: of_residuals }
 }
 
 /// Second derivatives of `cost`.

@@ -223,6 +223,11 @@ impl Model {
         self.sources.iter().position(|source| source.sensor == sensor && source.port == port)
     }
 
+    /// What the readings of a block tell beside its residuals, if they are redundant.
+    pub fn common_motion_of(&self, block: usize) -> Option<&CommonMotion> {
+        self.common_motions.iter().find(|common| common.sources == self.blocks[block].sources)
+    }
+
     /// Noise of every source as the user believes.
     pub fn nominal_noises(&self) -> Vec<Noise> {
         self.sources.iter().map(|source| source.nominal.clone()).collect()

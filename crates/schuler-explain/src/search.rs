@@ -615,6 +615,7 @@ impl Bench<'_> {
             filter: self.filters.of_block[index].as_ref()?,
             whitened: &whitened.remainder,
             spectrum: self.spectrum(index)?,
+            common: self.case.model.common_motion_of(index),
             log_likelihood: whitened.log_likelihood,
         })
     }

@@ -16,7 +16,7 @@ use crate::least_squares::{Solution, dot, solve};
 use crate::library::Products;
 use crate::noise::{Knob, Noise};
 use crate::noise_change::{ChangeFit, PromisedStart};
-use crate::noise_fit::{NoiseFit, SourceKnob, polish};
+use crate::noise_fit::{Evidence, NoiseFit, SourceKnob, polish};
 use crate::nominal::Model;
 use crate::search::Refined;
 use crate::spectrum::Spectrum;
@@ -644,12 +644,15 @@ pub fn refitted_above<'c>(
                 || {
                     let block = &case.model.blocks[index];
                     let known = (whitened.log_likelihood, whitened.sums.solution().amplitudes);
-                    polish(block, spectrum, &whitened.projected, &state.noises, &free, least, Some(known))
+                    let (projected, common) = (&whitened.projected, case.model.common_motion_of(index));
+                    let evidence = Evidence { block, spectrum, projected, common };
+                    polish(evidence, &state.noises, &free, least, Some(known))
                 },
                 // One that ended early is no maximum.
                 |fit| fit.log_likelihood >= least,
             );
-            (fit.log_likelihood > whitened.log_likelihood).then_some((index, fit))
+            let told = case.beside_residuals(&fit.noises) - case.beside_residuals(&state.noises);
+            (fit.log_likelihood + told > whitened.log_likelihood).then_some((index, fit))
         })
         .collect();
     for (index, fit) in fits {
