@@ -48,8 +48,6 @@ const MOST_TERMS_FIRST: usize = 4;
 const FOR_OTHERS: f64 = 1.0 / 3.0;
 /// Part of what that leaves which is for pairs of terms.
 const FOR_PAIRS: f64 = 0.2;
-/// Part of a way's budget that is for putting what it found as noise alone.
-const FOR_MERGING: f64 = 0.2;
 /// Nats less than what they replace that pairs may promise, as more may be found beside them.
 const PAIR_BEHIND: f64 = 5.0;
 /// Pairs that are fitted in the place of the same items, and those of them from which the search goes on.
@@ -212,7 +210,6 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
     others.extend(left.into_iter().rev().take(affordable.unwrap_or_default()));
     let searched = |way: Way| {
         let mut budget = if way == terms_first { share } else { rest };
-        let for_merging = budget.set_aside(FOR_MERGING);
         let mut least = straight.0;
         let walked = match way {
             Way::Best | Way::TermsFirst | Way::TermsThenAllNoise => from_nothing(way, &visited, &mut budget),
@@ -227,7 +224,6 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
             }
             Way::Parts(block) => from(parts(case, &null, block), Vec::new(), way, &mut budget),
         };
-        budget = budget.with(for_merging);
         let found = (!walked.joined).then(|| valued(walked.found, &mut budget));
         (found.filter(|(worth, _)| *worth > least), budget.exceeded)
     };
@@ -1036,15 +1032,11 @@ fn merged<'c>(
                 && candidate.port == origin.port
                 && has_no_cause(candidate)
         };
-        let terms: Vec<&Term> = state.terms.iter().filter(|term| is_of_source(term)).collect();
+        let terms = state.terms.iter().filter(|term| is_of_source(term)).count();
         let changes = state.changes.iter().filter(|change| change.source == source).count();
-        let is_jump = |term: &&Term| {
-            matches!(case.candidates[term.candidate].search, Search::Readings(ReadingFault::IntermittentJump))
-        };
-        if terms.is_empty() || (terms.len() + changes < 2 && !terms.iter().any(is_jump)) {
+        if terms == 0 || terms + changes < 2 {
             continue;
         }
-        let terms = terms.len();
         let blocks = blocks_with(case.model, source);
         if !budget.affords(of_round(case, state, &blocks)) {
             continue;

@@ -16,10 +16,11 @@ use schuler_explain::explain::{Error, Options, explain, explain_with};
 use schuler_explain::explanation::{Explanation, Verdict};
 use schuler_explain::inputs::Inputs;
 use schuler_explain::jump::{jumps, shown_beside};
+use schuler_explain::noise::Knob;
 use schuler_explain::nominal::Model;
 use schuler_explain::readings::faults;
 use schuler_explain::scan::Scanner;
-use schuler_explain::state::{Bench, Case};
+use schuler_explain::state::{Bench, Case, State, refitted};
 use schuler_explain::watch::Unwatched;
 use schuler_recording::Recording;
 use schuler_recording::case::{
@@ -850,6 +851,42 @@ fn noise_that_was_stated_wrongly_is_told_of_the_sensor_that_has_it() {
     let other = |(expected, told): &&(String, Vec<String>)| told.as_slice() != std::slice::from_ref(expected);
     let wrong: Vec<_> = answers.iter().filter(other).collect();
     assert!(wrong.len() <= most(TRIALS as usize, 0.01), "{wrong:?}");
+}
+
+/// Of two sensors that are fitted together the residual knows the sum of their noises: however it is shared out at first, they end where the
+/// readings have them.
+#[test]
+fn noises_that_are_fitted_together_are_shared_out_as_the_readings_tell() {
+    const TRUE: [f64; 2] = [0.1, 0.05];
+    let mut random = Pcg64::seed_from_u64(172_000);
+    let read = |white: f64| {
+        let values = (0..ROWS).map(|row| {
+            let noise: f64 = StandardNormal.sample(&mut random);
+            wave(row as f64, 900.0) + white * noise
+        });
+        values.collect::<Vec<f64>>()
+    };
+    let mut recording = recording(TRUE.map(read).to_vec());
+    recording.case.motion.kind = MotionKind::Unknown;
+    for series in &mut recording.sensors {
+        series.sensor.nominal = Nominal { white: 0.08, ..Nominal::default() };
+    }
+    let mut model = Model::new(&recording, &[]).unwrap();
+    model.common_motions = CommonMotion::of_model(&model, &recording, &[]);
+    let time_s: Vec<f64> = recording.elapsed_s().collect();
+    let case = Case::new(&model, &[], &time_s, &Unwatched);
+    for first in [0.02_f64, 0.06, 0.11] {
+        let mut noises = model.nominal_noises();
+        let second = (TRUE[0].powi(2) + TRUE[1].powi(2) - first * first).sqrt();
+        (noises[0].white, noises[1].white) = (first, second);
+        let nuisances = vec![(0, Knob::White), (1, Knob::White)];
+        let state = State { terms: Vec::new(), noises, changes: Vec::new(), nuisances, log_likelihood: 0.0 };
+        let (fitted, _) = refitted(&case, &state, None);
+        for (noise, white) in fitted.noises.iter().zip(TRUE) {
+            let part = noise.white / white;
+            assert!((0.9..1.1).contains(&part), "{part} of {white} from {first}");
+        }
+    }
 }
 
 /// What is seen of one sensor at rest whose noise is stated as white of so much.
