@@ -620,7 +620,9 @@ fn mask_near_limits(recording: &Recording, model: &Model, sensor: usize, masked:
     };
     let near: Vec<usize> = left.iter().copied().filter(is_near).collect();
     if 2 * near.len() <= left.len() {
-        near.into_iter().for_each(|row| masked[row] = true);
+        for row in near {
+            masked[row] = true;
+        }
     }
 }
 
