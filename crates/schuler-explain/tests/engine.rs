@@ -1134,6 +1134,7 @@ fn beside_rate(rates: Vec<f64>, white: f64, values: Vec<f64>) -> Recording {
 /// A torquer that can no more is clipped before the noise, a converter after it, and a gyro may have both.
 #[test]
 fn a_limit_is_found_before_the_noise_and_after_it() {
+    const TRIALS: u64 = 12;
     let rates: Vec<f64> = (0..ROWS).map(|row| 0.01 * (0.003 * row as f64 + 0.3).sin()).collect();
     let white = 3e-5;
     let named = |trial: u64| {
@@ -1149,15 +1150,18 @@ fn a_limit_is_found_before_the_noise_and_after_it() {
         let recording = beside_rate(rates.clone(), white, values);
         let answer = explain(&recording, &Options { hold_out: false, ..Options::default() }).unwrap();
         let told: Vec<&str> = answer.findings.iter().map(|finding| finding.effect.as_str()).collect();
-        assert_eq!(told, ["output_saturated"], "trial {trial}");
+        assert_eq!(told[0], "output_saturated", "trial {trial}");
         let parameters = &answer.findings[0].parameters;
         let found = parameters.iter().find(|parameter| parameter.name == "limit").unwrap();
         // Where readings equal the limit it is exact, and has no deviation.
         let off = (found.value.unwrap() - limit).abs();
         assert_eq!(found.sigma.is_none(), after, "trial {trial}");
         assert!(off < 3.0 * found.sigma.unwrap_or(1e-12), "trial {trial}: {found:?} for {limit}");
+        told.len() == 1
     };
-    (0..12_u64).into_par_iter().for_each(named);
+    let alone = (0..TRIALS).into_par_iter().filter(|trial| named(*trial)).count();
+    // By chance, at the level.
+    assert!(TRIALS as usize - alone <= most(TRIALS as usize, 0.01), "{alone}");
 }
 
 /// What is clipped is not known, and what else there is shows in the other readings: a step of a millionth of what the limit gains.
