@@ -140,7 +140,7 @@ impl Place {
         // A history that is given gains more than the marginal likelihood; its price is the difference.
         let marginal = (-ln_chi_squared_tail(2.0 * best.gain.max(0.0), FREEDOM) - LN_PLACES).max(0.0);
         let ln_places = (-ln_chi_squared_tail(2.0 * gain, freedom) - marginal).max(0.0);
-        let price = Price { freedom, ln_places, continuous: 0 };
+        let price = Price::among(freedom, ln_places);
         Some(Proposal { term, gain, price, evidence: price.evidence(gain) })
     }
 

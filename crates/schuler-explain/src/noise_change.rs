@@ -72,7 +72,7 @@ pub struct ChangeFit {
 impl ChangeFit {
     /// How it is judged.
     pub fn price(&self) -> Price {
-        Price::of_change(self.freedom, self.ln_places)
+        Price::among(self.freedom, self.ln_places)
     }
 }
 

@@ -14,23 +14,25 @@ pub struct Price {
     pub ln_places: f64,
     /// Parameters sought in a continuum, of which larger gains know more places.
     pub continuous: usize,
+    /// Most evidence that a gain may be, which is that of what is the effect's own in it.
+    pub most: f64,
 }
 
 impl Price {
     /// Of a candidate that was sought in so many places.
     pub fn of(candidate: &Candidate, freedom: usize, ln_places: f64) -> Self {
-        Self { freedom, ln_places, continuous: continuous(candidate) }
+        Self { freedom, ln_places, continuous: continuous(candidate), most: f64::INFINITY }
     }
 
-    /// Of a change of noise.
-    pub fn of_change(freedom: usize, ln_places: f64) -> Self {
-        Self { freedom, ln_places, continuous: 0 }
+    /// Of what was sought in so many places, and in no continuum.
+    pub fn among(freedom: usize, ln_places: f64) -> Self {
+        Self { freedom, ln_places, continuous: 0, most: f64::INFINITY }
     }
 
     /// −ln p of a gain.
     pub fn evidence(&self, gain: f64) -> f64 {
         let alone = -ln_chi_squared_tail(2.0 * gain, self.freedom);
-        (alone - ln_places_at(alone, self.ln_places, self.continuous)).max(0.0)
+        (alone - ln_places_at(alone, self.ln_places, self.continuous)).clamp(0.0, self.most)
     }
 }
 

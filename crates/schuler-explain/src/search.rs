@@ -5,12 +5,12 @@
 //! that grows with the number of its parameters and places, and not with the length of the record. Family-wise
 //! probabilities count all candidates of all sensors; each family of candidates has a share of the level.
 use std::collections::HashSet;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use nalgebra::DVector;
 use rayon::prelude::*;
 
-use crate::catalogue::{Candidate, NoiseChange, OnsetShape, Search, Signature, Target};
+use crate::catalogue::{AT_START, Candidate, NoiseChange, OnsetShape, Search, Signature, Target};
 use crate::description::{Term, blocks_of, remainder};
 use crate::library::{Entry, Library, NullDistribution, Pair, Purpose};
 use crate::minimise::{golden, simplex};
@@ -427,7 +427,7 @@ fn promises_of_thresholds(bench: &Bench<'_>, wanted: &(dyn Fn(usize) -> bool + S
         let start = vec![threshold];
         let (gain, freedom) = bench.gain_of(&Term::new(place, candidate, &start, case.time_s));
         let ln_places = (readings as f64).ln();
-        let evidence = Price { freedom, ln_places, continuous: 0 }.evidence(gain);
+        let evidence = Price::among(freedom, ln_places).evidence(gain);
         Some(Promise { candidate: place, starts: vec![start], evidence, ln_places, evaluated: false })
     };
     case.candidates.par_iter().enumerate().filter_map(promise).collect()
@@ -454,8 +454,19 @@ impl Bench<'_> {
         let found = self.case.refined.get_or(key, || self.refine_from(promise, refined));
         let Refined { point, gain, freedom } = found?;
         let term = Term::new(promise.candidate, candidate, &point, self.case.time_s);
-        let price = Price::of(candidate, freedom, promise.ln_places);
+        let mut price = Price::of(candidate, freedom, promise.ln_places);
+        if let Some(gain_of_own) = self.gain_of_own(candidate, &term, gain) {
+            price.most = Price { freedom: 1, ..price }.evidence(gain_of_own);
+        }
         Some(Proposal { term, gain, price, evidence: price.evidence(gain) })
+    }
+
+    /// What a term that has gained so much gains over what its unknown start would by itself, which is a decay as those of other effects are:
+    /// only that speaks for this one. `None` where it has none.
+    fn gain_of_own(&self, candidate: &Candidate, term: &Term, gain: f64) -> Option<f64> {
+        let start = candidate.amplitudes.iter().position(|amplitude| amplitude.name == AT_START)?;
+        let columns = Arc::new(term.columns.get(start).cloned().into_iter().collect());
+        Some(gain - self.gain_of(&Term { columns, ..term.clone() }).0)
     }
 
     /// What the gain of a candidate depends on: the blocks that it reaches, or all where terms tie the amplitudes of

@@ -1123,7 +1123,7 @@ fn shown_up_to(
                 Item::Term(place) => (state.terms[place].candidate, prices[place]),
                 Item::Change(place) => {
                     let change = &state.changes[place];
-                    (change.candidate, Price::of_change(change.freedom, change.ln_places))
+                    (change.candidate, Price::among(change.freedom, change.ln_places))
                 }
             };
             let least = state.log_likelihood - price.ln_places - doubtful;

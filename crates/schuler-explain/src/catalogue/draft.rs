@@ -2,7 +2,7 @@
 use schuler_recording::case::SensorKind;
 use schuler_recording::unit::{Dimension, STANDARD_GRAVITY, Unit};
 
-use super::{Amplitude, Candidate, Column, Effect, Nonlinear, Port, Search, Signature, Target};
+use super::{AT_START, Amplitude, Candidate, Column, Effect, Nonlinear, Port, Search, Signature, Target};
 use crate::inputs::series::{Series, map};
 use crate::inputs::{Inputs, Place};
 
@@ -178,7 +178,7 @@ impl Draft {
             },
             other => other,
         };
-        self.amplitudes.push(amplitude(place, "at_start", ITSELF, Plausible::UNKNOWN));
+        self.amplitudes.push(amplitude(place, AT_START, ITSELF, Plausible::UNKNOWN));
         self
     }
 

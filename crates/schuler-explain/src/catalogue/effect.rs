@@ -72,6 +72,9 @@ pub struct Candidate {
     pub amplitudes: Vec<Amplitude>,
 }
 
+/// Name of the amplitude of what decays from a start that nobody knows.
+pub const AT_START: &str = "at_start";
+
 /// The number that multiplies a column of the signature.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Amplitude {

@@ -27,8 +27,8 @@ mod thermal;
 mod tide;
 
 pub use effect::{
-    Amplitude, Candidate, Column, Effect, NoiseChange, Nonlinear, OnsetShape, Port, ReadingFault, Search,
-    Signature, SignatureOf, Target, share_equal_series,
+    AT_START, Amplitude, Candidate, Column, Effect, NoiseChange, Nonlinear, OnsetShape, Port, ReadingFault,
+    Search, Signature, SignatureOf, Target, share_equal_series,
 };
 
 /// Effects whose signatures are of the motion: what an instrument's readings make of it comes as late as the readings.
