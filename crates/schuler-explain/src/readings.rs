@@ -264,7 +264,7 @@ pub fn faults(recording: &Recording, model: &Model) -> Faults {
         }
     }
     for fault in found.iter().filter(|fault| fault.fault == ReadingFault::Saturated) {
-        mask_near_limits(recording, model, fault.sensor, &mut masked[fault.sensor]);
+        mask_near_limits(recording, model, fault, &mut masked[fault.sensor]);
     }
     // A sensor is in one block.
     let spikes: Vec<(Fault, Vec<usize>)> =
@@ -595,7 +595,9 @@ fn errors_of(block: &Block, sensor: usize) -> Option<Vec<f64>> {
 /// Masks the readings of a clipped sensor that should lie so near its limit that some like them were cut off: those that were not have
 /// an error of one sign. By what they should be, which is known or read by others, and not by what they are, which would choose by the
 /// error. Where that is most of the readings they stay.
-fn mask_near_limits(recording: &Recording, model: &Model, sensor: usize, masked: &mut [bool]) {
+fn mask_near_limits(recording: &Recording, model: &Model, clipped: &Fault, masked: &mut [bool]) {
+    let sensor = clipped.sensor;
+    let Some(&(_, level, _)) = clipped.parameters.first() else { return };
     let Some(block) = model.block_of(sensor).map(|block| &model.blocks[block]) else { return };
     let (Some(errors), Some(source)) = (errors_of(block, sensor), model.source_of(sensor, Port::Output))
     else {
@@ -606,7 +608,9 @@ fn mask_near_limits(recording: &Recording, model: &Model, sensor: usize, masked:
     let left: Vec<usize> = (0..block.rows()).filter(is_left).collect();
     let usual = median(&mut left.iter().map(|&row| errors[row]).collect::<Vec<f64>>());
     let reach = NEAR_LIMIT * model.sources[source].nominal.bounded_variance().sqrt();
-    let at_limit = readings.iter().zip(&*masked).filter(|(_, masked)| **masked).map(|(reading, _)| *reading);
+    // What is masked may be stuck as well.
+    let is_at_limit = |row: &usize| masked[*row] && recording.sensors[sensor].values[*row].abs() == level;
+    let at_limit = (0..block.rows()).filter(is_at_limit).map(|row| readings[row]);
     let (least, most) = left.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), &row| {
         (least.min(readings[row]), most.max(readings[row]))
     });

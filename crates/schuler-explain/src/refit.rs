@@ -9,11 +9,11 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use crate::catalogue::{Candidate, NoiseChange, OnsetShape, ReadingFault, Search};
-use crate::description::{Term, nonlinear_names};
+use crate::description::{Projected, Term, nonlinear_names};
 use crate::explanation::Parameter;
 use crate::jump::mean_stays;
 use crate::noise::{Knob, RowsOfLevel, VarianceStep};
-use crate::noise_fit::{curvature, exact, logs_of, with_logs};
+use crate::noise_fit::{SourceKnob, curvature, exact, logs_of, with_logs};
 use crate::sandwich::variances;
 use crate::select::Item;
 use crate::state::{Bench, Case, State};
@@ -299,6 +299,35 @@ fn with_own_curvatures(
     information
 }
 
+/// Standard deviations of the logarithms of the free parameters of a block's noises.
+fn sigmas_of_logs(
+    bench: &Bench<'_>,
+    index: usize,
+    projected: &Projected,
+    free: &[SourceKnob],
+) -> DVector<f64> {
+    let (model, noises) = (bench.case.model, &bench.noises);
+    let (block, common) = (&model.blocks[index], model.common_motion_of(index));
+    // Of redundant sensors the readings tell what residuals do not.
+    let beside =
+        |logs: &[f64]| common.map_or(0.0, |common| -common.beside_residual(&with_logs(noises, free, logs)));
+    let cost = |logs: &[f64]| beside(logs) - exact(block, &with_logs(noises, free, logs), projected);
+    let logs = logs_of(noises, free);
+    let closed = (bench.spectrum(index).filter(|_| free.len() > FEW_PARAMETERS))
+        .and_then(|spectrum| spectrum.derivatives(block, noises, free, LOG_STEP));
+    let information = match closed {
+        Some(closed) if common.is_some() => {
+            with_own_curvatures(closed.curvature + curvature(&logs, LOG_STEP, beside), &logs, &cost)
+        }
+        Some(closed) => with_own_curvatures(closed.curvature, &logs, &cost),
+        None => curvature(&logs, LOG_STEP, cost),
+    };
+    let eigen = information.symmetric_eigen();
+    let inverse = eigen.eigenvalues.map(|value| value.max(0.1).recip());
+    let covariance = &eigen.eigenvectors * DMatrix::from_diagonal(&inverse) * eigen.eigenvectors.transpose();
+    DVector::from_fn(free.len(), |i, _| covariance[(i, i)].max(0.0).sqrt())
+}
+
 /// The parameters of a noise change of `state`, and the standard deviations of all free parameters of its block.
 pub fn of_change(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter> {
     let change = &state.changes[place];
@@ -313,25 +342,7 @@ pub fn of_change(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter>
     let sigmas = bench.blocks[index].as_ref().map(|whitened| {
         // The same for all changes of the block.
         case.sigmas.get_or((bench.key(index), free.clone()), || {
-            let cost = |logs: &[f64]| {
-                let noises = with_logs(&state.noises, &free, logs);
-                -exact(&case.model.blocks[index], &noises, &whitened.projected)
-            };
-            let logs = logs_of(&state.noises, &free);
-            let information = if free.len() > FEW_PARAMETERS {
-                let closed = bench.spectrum(index).and_then(|spectrum| {
-                    spectrum.derivatives(&case.model.blocks[index], &state.noises, &free, LOG_STEP)
-                });
-                closed.map(|closed| with_own_curvatures(closed.curvature, &logs, &cost))
-            } else {
-                None
-            };
-            let information = information.unwrap_or_else(|| curvature(&logs, LOG_STEP, cost));
-            let eigen = information.symmetric_eigen();
-            let inverse = eigen.eigenvalues.map(|value| value.max(0.1).recip());
-            let covariance =
-                &eigen.eigenvectors * DMatrix::from_diagonal(&inverse) * eigen.eigenvectors.transpose();
-            DVector::from_fn(free.len(), |i, _| covariance[(i, i)].max(0.0).sqrt())
+            sigmas_of_logs(&bench, index, &whitened.projected, &free)
         })
     });
     let in_si = source.unit.in_si();

@@ -651,7 +651,10 @@ pub fn refitted_above<'c>(
                 // One that ended early is no maximum.
                 |fit| fit.log_likelihood >= least,
             );
-            let told = case.beside_residuals(&fit.noises) - case.beside_residuals(&state.noises);
+            // The noises of other blocks are those of when it was fitted.
+            let told = case.model.common_motion_of(index).map_or(0.0, |common| {
+                common.beside_residual(&fit.noises) - common.beside_residual(&state.noises)
+            });
             (fit.log_likelihood + told > whitened.log_likelihood).then_some((index, fit))
         })
         .collect();
