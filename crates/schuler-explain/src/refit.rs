@@ -307,16 +307,15 @@ fn sigmas_of_logs(
     free: &[SourceKnob],
 ) -> DVector<f64> {
     let (model, noises) = (bench.case.model, &bench.noises);
-    let (block, common) = (&model.blocks[index], model.common_motion_of(index));
+    let block = &model.blocks[index];
     // Of redundant sensors the readings tell what residuals do not.
-    let beside =
-        |logs: &[f64]| common.map_or(0.0, |common| -common.beside_residual(&with_logs(noises, free, logs)));
+    let beside = |logs: &[f64]| -model.beside_residuals(index, &with_logs(noises, free, logs));
     let cost = |logs: &[f64]| beside(logs) - exact(block, &with_logs(noises, free, logs), projected);
     let logs = logs_of(noises, free);
     let closed = (bench.spectrum(index).filter(|_| free.len() > FEW_PARAMETERS))
         .and_then(|spectrum| spectrum.derivatives(block, noises, free, LOG_STEP));
     let information = match closed {
-        Some(closed) if common.is_some() => {
+        Some(closed) if block.is_redundant() => {
             with_own_curvatures(closed.curvature + curvature(&logs, LOG_STEP, beside), &logs, &cost)
         }
         Some(closed) => with_own_curvatures(closed.curvature, &logs, &cost),

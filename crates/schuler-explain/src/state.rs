@@ -652,9 +652,8 @@ pub fn refitted_above<'c>(
                 |fit| fit.log_likelihood >= least,
             );
             // The noises of other blocks are those of when it was fitted.
-            let told = case.model.common_motion_of(index).map_or(0.0, |common| {
-                common.beside_residual(&fit.noises) - common.beside_residual(&state.noises)
-            });
+            let of_block = |noises: &[Noise]| case.model.beside_residuals(index, noises);
+            let told = of_block(&fit.noises) - of_block(&state.noises);
             (fit.log_likelihood + told > whitened.log_likelihood).then_some((index, fit))
         })
         .collect();

@@ -1157,6 +1157,9 @@ fn a_limit_is_found_before_the_noise_and_after_it() {
         let off = (found.value.unwrap() - limit).abs();
         assert_eq!(found.sigma.is_none(), after, "trial {trial}");
         assert!(off < 3.0 * found.sigma.unwrap_or(1e-12), "trial {trial}: {found:?} for {limit}");
+        // What else is told is what chance tells at the level, and no more.
+        let others = answer.findings.iter().skip(1);
+        assert!(others.map(|finding| finding.evidence.p_value).all(|p| p > 1e-3), "trial {trial}: {told:?}");
         told.len() == 1
     };
     let alone = (0..TRIALS).into_par_iter().filter(|trial| named(*trial)).count();
