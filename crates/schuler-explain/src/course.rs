@@ -284,13 +284,14 @@ impl Steps {
         let matrix = |values: &[f64]| DMatrix::from_row_slice(n, n, values);
         let (a, g, q) = (matrix(&self.transition), matrix(&self.information), matrix(&self.driven));
         let unit = DMatrix::identity(n, n);
-        // (1 + Q G)⁻¹, and its transpose (1 + G Q)⁻¹.
+        // (1 + Q G)⁻¹, and with A, of which the transpose is Aᵀ (1 + G Q)⁻¹.
         let inverse = (unit + &q * &g).try_inverse()?;
-        let driven = &q + &a * &inverse * &q * a.transpose();
-        let information = &g + a.transpose() * inverse.transpose() * &g * &a;
+        let through = &inverse * &a;
+        let driven = &q + &a * (inverse * &q) * a.transpose();
+        let information = &g + through.transpose() * &g * &a;
         Some(Self {
             states: n,
-            transition: by_rows(&(&a * &inverse * &a)),
+            transition: by_rows(&(&a * through)),
             information: by_rows(&halves(&information)),
             driven: by_rows(&halves(&driven)),
         })
