@@ -7,13 +7,10 @@
 use schuler_recording::case::{ExponentialCosine, Markov};
 
 use crate::catalogue::{NoiseChange, Port};
-use crate::common_motion::CommonMotion;
-use crate::description::Projected;
 use crate::noise::{Flicker, Knob, Noise, RowsOfLevel, VarianceStep};
-use crate::noise_fit::{Evidence, SourceKnob, exact, logs_of, polish, whittle};
-use crate::nominal::{Block, Source};
+use crate::noise_fit::{Observations, SourceKnob, exact, logs_of, polish, whittle};
+use crate::nominal::Source;
 use crate::price::Price;
-use crate::spectrum::Spectrum;
 use crate::statistics::{ln_chi_squared_tail, ln_rough_scan_tail};
 use crate::whiten::Filter;
 
@@ -59,7 +56,7 @@ pub struct ChangeFit {
     pub noises: Vec<Noise>,
     /// The parameters that were fitted.
     pub knobs: Vec<Knob>,
-    /// Gain in exact log-likelihood.
+    /// Gain in exact log-likelihood, with what the readings tell beside the residuals.
     pub gain: f64,
     /// Degrees of freedom by which it is judged.
     pub freedom: usize,
@@ -78,21 +75,15 @@ impl ChangeFit {
 
 /// A block seen under its present noises.
 pub struct View<'b> {
-    /// The block.
-    pub block: &'b Block,
-    /// Its data and regressors.
-    pub projected: &'b Projected,
+    /// What its noises are fitted to.
+    pub observations: Observations<'b>,
     /// Present noises of all sources.
     pub noises: &'b [Noise],
     /// Their filter.
     pub filter: &'b Filter,
     /// Whitened residuals.
     pub whitened: &'b [f64],
-    /// Their spectrum.
-    pub spectrum: &'b Spectrum,
-    /// What its readings tell beside the residuals, if they are redundant.
-    pub common: Option<&'b CommonMotion>,
-    /// Exact log-likelihood.
+    /// Exact log-likelihood of the residuals.
     pub log_likelihood: f64,
 }
 
@@ -132,7 +123,10 @@ impl View<'_> {
             }
             _ => {}
         }
-        let Some(one) = self.spectrum.one_source(self.block, self.noises, source) else { return Vec::new() };
+        let Some(one) = self.observations.spectrum.one_source(self.observations.block, self.noises, source)
+        else {
+            return Vec::new();
+        };
         let base = one.log_likelihood(&self.noises[source]);
         let mut starts: Vec<(f64, Start)> = (self.starts(source, origin, change).into_iter())
             .map(|start| (one.log_likelihood(&start.noises[source]), start))
@@ -154,7 +148,7 @@ impl View<'_> {
         let mut promised = Vec::new();
         for start in kept {
             let knobs: Vec<SourceKnob> = start.knobs.iter().map(|&knob| (source, knob)).collect();
-            let (noises, likelihood) = whittle(self.block, &one, &start.noises, &knobs);
+            let (noises, likelihood) = whittle(self.observations.block, &one, &start.noises, &knobs);
             let logs = logs_of(&noises, &knobs);
             let same = |(other, height, place): &(Vec<Knob>, f64, Vec<f64>)| {
                 *other == start.knobs
@@ -181,17 +175,15 @@ impl View<'_> {
             NoiseChange::VarianceStep => self.fit_step(source, start),
             _ => Some(self.fit_promised(source, change, start)),
         });
-        let remembers = |fit: &ChangeFit| is_seen_from_row_to_row(fit, self.block.step_s());
+        let remembers = |fit: &ChangeFit| is_seen_from_row_to_row(fit, self.observations.block.step_s());
         fits.filter(remembers).min_by(|a, b| a.ln_p.total_cmp(&b.ln_p))
     }
 
     fn fit_promised(&self, source: usize, change: NoiseChange, start: &Start) -> ChangeFit {
         let knobs: Vec<SourceKnob> = start.knobs.iter().map(|&knob| (source, knob)).collect();
-        let least = self.log_likelihood + WORTH_POLISHING;
-        let &Self { block, spectrum, projected, common, .. } = self;
-        let evidence = Evidence { block, spectrum, projected, common };
-        let fit = polish(evidence, &start.noises, &knobs, least, None);
-        let gain = fit.log_likelihood - self.log_likelihood;
+        let here = self.log_likelihood + self.observations.beside_residuals(self.noises);
+        let fit = polish(self.observations, &start.noises, &knobs, here + WORTH_POLISHING, None);
+        let gain = change.counted(fit.log_likelihood - here, self.told(&fit.noises));
         let ln_p = (ln_chi_squared_tail(2.0 * gain, start.freedom) + start.ln_places).min(0.0);
         ChangeFit {
             source,
@@ -205,10 +197,15 @@ impl View<'_> {
         }
     }
 
+    /// What the readings tell of noises, in the place of the present ones, beside the residuals.
+    fn told(&self, noises: &[Noise]) -> f64 {
+        self.observations.beside_residuals(noises) - self.observations.beside_residuals(self.noises)
+    }
+
     /// A further Markov part of a source, and what it would gain, both by Whittle's likelihood.
     pub fn further_markov(&self, source: usize, origin: &Source) -> Option<(Markov, f64)> {
         let part = self.noises[source].markov.len();
-        let one = self.spectrum.one_source(self.block, self.noises, source)?;
+        let one = self.observations.spectrum.one_source(self.observations.block, self.noises, source)?;
         let base = one.log_likelihood(&self.noises[source]);
         let starts = self.starts(source, origin, NoiseChange::Markov).into_iter();
         let (_, start) = starts
@@ -217,7 +214,7 @@ impl View<'_> {
             .filter(|(likelihood, _)| likelihood.is_finite())
             .max_by(|a, b| a.0.total_cmp(&b.0))?;
         let knobs: Vec<SourceKnob> = start.knobs.iter().map(|&knob| (source, knob)).collect();
-        let (noises, likelihood) = whittle(self.block, &one, &start.noises, &knobs);
+        let (noises, likelihood) = whittle(self.observations.block, &one, &start.noises, &knobs);
         Some((*noises[source].markov.get(part)?, likelihood - base))
     }
 
@@ -236,8 +233,8 @@ impl View<'_> {
     fn starts(&self, source: usize, origin: &Source, change: NoiseChange) -> Vec<Start> {
         let own = &self.noises[source];
         let unit = self.unit(source, origin);
-        let step_s = self.block.step_s();
-        let length_s = step_s * self.block.rows() as f64;
+        let step_s = self.observations.block.step_s();
+        let length_s = step_s * self.observations.block.rows() as f64;
         let with = |alter: &dyn Fn(&mut Noise)| {
             let mut noises = self.noises.to_vec();
             alter(&mut noises[source]);
@@ -317,7 +314,7 @@ impl View<'_> {
     /// are, and in their place, their levels being free. Beside a Markov part that is too strong no further one is any good.
     fn cosine_starts(&self, source: usize, unit: f64) -> Vec<Start> {
         let own = &self.noises[source];
-        let step_s = self.block.step_s();
+        let step_s = self.observations.block.step_s();
         let with = |noise: ExponentialCosine| {
             let mut noises = self.noises.to_vec();
             noises[source].exp_cos.push(noise);
@@ -334,7 +331,7 @@ impl View<'_> {
             .collect();
         let part = own.exp_cos.len();
         let levels: Vec<Knob> = (0..own.markov.len()).map(Knob::MarkovSigma).collect();
-        for omega in self.spectrum.peaks(PEAKS) {
+        for omega in self.observations.spectrum.peaks(PEAKS) {
             let beta = omega / step_s;
             for damping in [0.03, 0.2, 1.0] {
                 for level in LEVELS {
@@ -366,10 +363,10 @@ impl View<'_> {
     /// source change.
     fn promised_step(&self, source: usize) -> Option<PromisedStart> {
         let squares = self.squares(source)?;
-        let backwards: Vec<usize> = (0..self.block.rows()).rev().collect();
+        let backwards: Vec<usize> = (0..self.observations.block.rows()).rev().collect();
         let Levels { gain, number, within, .. } =
             self.best_levels(&backwards, &squares, false, |_, _| true)?;
-        let row = self.block.rows() - number;
+        let row = self.observations.block.rows() - number;
         let rows = RowsOfLevel::From(row);
         let step = VarianceStep { rows, part: self.part(number), ratio: within.sqrt() };
         self.promise_of_level(source, gain, step, None)
@@ -378,7 +375,7 @@ impl View<'_> {
     /// Another white level where a quantity is large, both levels free.
     fn promised_level(&self, source: usize, origin: &Source, quantity: usize) -> Option<PromisedStart> {
         let squares = self.squares(source)?;
-        let loudness = self.block.loudness.get(quantity)?;
+        let loudness = self.observations.block.loudness.get(quantity)?;
         let (order, values) = (&loudness.descending, &loudness.values);
         let divides = |row: usize, next: usize| values[row] > values[next];
         let Levels { gain, number, within, beyond } = self.best_levels(order, &squares, true, divides)?;
@@ -390,7 +387,7 @@ impl View<'_> {
     }
 
     fn part(&self, number: usize) -> f64 {
-        number as f64 / self.block.rows() as f64
+        number as f64 / self.observations.block.rows() as f64
     }
 
     fn promise_of_level(
@@ -423,7 +420,7 @@ impl View<'_> {
         if noise.white <= 0.0 || noise.step.is_some() {
             return None;
         }
-        let (rows, channels) = (self.block.rows(), self.block.channels);
+        let (rows, channels) = (self.observations.block.rows(), self.observations.block.channels);
         let along = self.along(source)?;
         let square = |row: usize| {
             let innovation: f64 = (0..channels).map(|c| along[c] * self.whitened[c * rows + row]).sum();
@@ -441,7 +438,7 @@ impl View<'_> {
         both: bool,
         divides: impl Fn(usize, usize) -> bool,
     ) -> Option<Levels> {
-        let present = |row: &&usize| self.block.present[**row];
+        let present = |row: &&usize| self.observations.block.present[**row];
         let (all, count) =
             order.iter().filter(present).fold((0.0, 0.0), |(sum, n), &row| (sum + squares[row], n + 1.0));
         let gain_of = |sum: f64, number: f64| {
@@ -452,7 +449,7 @@ impl View<'_> {
         let mut best: Option<Levels> = None;
         for (at, pair) in order.windows(2).enumerate() {
             let (row, next) = (pair[0], pair[1]);
-            if self.block.present[row] {
+            if self.observations.block.present[row] {
                 sum += squares[row];
                 number += 1.0;
             }
@@ -474,9 +471,9 @@ impl View<'_> {
 
     /// Direction of a source's own noise among the whitened innovations of the settled filter, of unit length.
     fn along(&self, source: usize) -> Option<Vec<f64>> {
-        let channels = self.block.channels;
-        let place = self.block.sources.iter().position(|&other| other == source)?;
-        let seen = self.block.transfer(place, 0.0);
+        let channels = self.observations.block.channels;
+        let place = self.observations.block.sources.iter().position(|&other| other == source)?;
+        let seen = self.observations.block.transfer(place, 0.0);
         let (_, whitening) = self.filter.settled();
         let whitened = |row: &[f64]| row.iter().zip(&seen).map(|(w, seen)| w * seen.re).sum::<f64>();
         let along: Vec<f64> = whitening.chunks_exact(channels).map(whitened).collect();
@@ -487,7 +484,8 @@ impl View<'_> {
     /// ln of the probability that a change of the white level gains so much somewhere, and of the number of places that
     /// this counts.
     fn step_tail(&self, gain: f64) -> (f64, f64) {
-        let correlations = (MARGIN_ROWS..self.block.rows()).map(|n| (1.0 - 1.0 / n as f64).sqrt());
+        let correlations =
+            (MARGIN_ROWS..self.observations.block.rows()).map(|n| (1.0 - 1.0 / n as f64).sqrt());
         let ln_p = ln_rough_scan_tail((2.0 * gain.max(0.0)).sqrt(), correlations);
         (ln_p, (ln_p - ln_chi_squared_tail(2.0 * gain, 1)).max(0.0))
     }
@@ -502,12 +500,17 @@ impl View<'_> {
         };
         // The innovations hold more than white noise, whose ratio is further from 1 than theirs.
         let middle = promised.ratio.ln();
-        let likelihood = |log: f64| -exact(self.block, &noises_at(log), self.projected);
-        let (log, cost) = crate::minimise::golden(middle - 0.7, middle + 1.5, 0.003, likelihood);
-        let gain = -cost - self.log_likelihood;
+        let change = NoiseChange::VarianceStep;
+        let Observations { block, projected, .. } = self.observations;
+        let gain_at = |log: f64| {
+            let noises = noises_at(log);
+            let told = self.told(&noises);
+            change.counted(exact(block, &noises, projected) - self.log_likelihood + told, told)
+        };
+        let (log, cost) = crate::minimise::golden(middle - 0.7, middle + 1.5, 0.003, |log| -gain_at(log));
+        let gain = -cost;
         let (ln_p, ln_places) = self.step_tail(gain);
         let (noises, knobs) = (noises_at(log), start.knobs.clone());
-        let change = NoiseChange::VarianceStep;
         Some(ChangeFit { source, change, noises, knobs, gain, freedom: start.freedom, ln_places, ln_p })
     }
 }

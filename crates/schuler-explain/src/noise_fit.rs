@@ -42,7 +42,7 @@ pub type SourceKnob = (usize, Knob);
 pub struct NoiseFit {
     /// All noises.
     pub noises: Vec<Noise>,
-    /// Exact log-likelihood of the block's residuals.
+    /// Exact log-likelihood of the block's residuals, with what its readings tell beside them.
     pub log_likelihood: f64,
 }
 
@@ -152,26 +152,33 @@ pub fn one_with_logs(noise: &Noise, knobs: &[SourceKnob], logs: &[f64]) -> Noise
     noise
 }
 
-/// Where Newton's steps on Whittle's likelihood lead from some logarithms of `knobs`, and what it gains there; `None` where the
-/// noises are singular.
+/// Where Newton's steps on Whittle's likelihood, and on what the readings tell beside, lead from some logarithms of `knobs`, and what they
+/// gain there; `None` where the noises are singular.
 fn climbed(
-    block: &Block,
-    spectrum: &Spectrum,
+    observations: Observations<'_>,
     noises: &[Noise],
     knobs: &[SourceKnob],
     from: &[f64],
 ) -> Option<(Vec<f64>, f64)> {
+    let Observations { block, spectrum, .. } = observations;
     let (step_s, rows) = (block.step_s(), block.rows());
     let likelihood = |logs: &[f64]| {
         let beyond = outside(knobs, logs, step_s, rows);
-        (spectrum.log_likelihood(block, &with_logs(noises, knobs, logs)) - 100.0 * beyond, ())
+        let noises = with_logs(noises, knobs, logs);
+        let told = observations.beside_residuals(&noises);
+        (spectrum.log_likelihood(block, &noises) + told - 100.0 * beyond, ())
     };
     let mut logs = from.to_vec();
     let start = likelihood(&logs).0;
     let mut here = start;
     for _ in 0..NEWTON {
         let here_are = with_logs(noises, knobs, &logs);
-        let Derivatives { slopes, curvature } = spectrum.derivatives(block, &here_are, knobs, STEP)?;
+        let Derivatives { mut slopes, mut curvature } =
+            spectrum.derivatives(block, &here_are, knobs, STEP)?;
+        if let Some(beside) = observations.derivatives_beside(&here_are, knobs) {
+            slopes += beside.slopes;
+            curvature += beside.curvature;
+        }
         let step = newton_step(curvature, &slopes);
         if 0.5 * slopes.dot(&step) < PROMISE {
             break;
@@ -233,73 +240,81 @@ fn ahead<T>(
 
 /// What noises of a block are fitted to.
 #[derive(Clone, Copy)]
-pub struct Evidence<'e> {
+pub struct Observations<'o> {
     /// The block.
-    pub block: &'e Block,
+    pub block: &'o Block,
     /// Spectrum of its residual.
-    pub spectrum: &'e Spectrum,
+    pub spectrum: &'o Spectrum,
     /// Its data and regressors.
-    pub projected: &'e Projected,
+    pub projected: &'o Projected,
     /// What its readings tell beside the residuals, if they are redundant.
-    pub common: Option<&'e CommonMotion>,
+    pub common: Option<&'o CommonMotion>,
 }
 
-impl Evidence<'_> {
+impl Observations<'_> {
     /// What the readings tell of noises beside the residuals, log-likelihood up to a constant.
-    fn beside_residuals(&self, noises: &[Noise]) -> f64 {
+    pub fn beside_residuals(&self, noises: &[Noise]) -> f64 {
         self.common.map_or(0.0, |common| common.beside_residual(noises))
+    }
+
+    /// Derivatives of that by the logarithms of `knobs`; `None` where the readings tell nothing.
+    pub fn derivatives_beside(&self, noises: &[Noise], knobs: &[SourceKnob]) -> Option<Derivatives> {
+        self.common?.derivatives(noises, knobs, STEP)
     }
 }
 
 /// The maximum of the exact likelihood over `knobs`, from noises near it; curvatures from Whittle's. Residuals of redundant sensors do not
-/// tell whose the noise is: there it is the maximum of what they and the readings tell together, and the log-likelihood is that of the
-/// residuals alone. Where it stays below `least` by all that is seen on the way, it is left before it is reached. `known` are the
-/// log-likelihood and the amplitudes at the noises given, where they are known.
+/// tell whose the noise is: there it is the maximum of what they and the readings tell together. Where it stays below `least` by all that is
+/// seen on the way, it is left before it is reached. `known` are the log-likelihood of the residuals and the amplitudes at the noises given,
+/// where they are known.
 pub fn polish(
-    evidence: Evidence<'_>,
+    observations: Observations<'_>,
     noises: &[Noise],
     knobs: &[SourceKnob],
     least: f64,
     known: Option<(f64, DVector<f64>)>,
 ) -> NoiseFit {
-    let Evidence { block, spectrum, projected, .. } = evidence;
+    let Observations { block, spectrum, projected, .. } = observations;
     let (step_s, rows) = (block.step_s(), block.rows());
-    // What is added to the log-likelihood of the residuals.
-    let beside = |logs: &[f64], noises: &[Noise]| {
-        evidence.beside_residuals(noises) - 100.0 * outside(knobs, logs, step_s, rows)
-    };
+    let penalty = |logs: &[f64]| 100.0 * outside(knobs, logs, step_s, rows);
     let likelihood = |logs: &[f64]| {
         let noises = with_logs(noises, knobs, logs);
         let (best, amplitudes) = exact_with_amplitudes(block, &noises, projected);
-        (best + beside(logs, &noises), (best, amplitudes))
+        (best + observations.beside_residuals(&noises) - penalty(logs), amplitudes)
     };
     let mut logs = logs_of(noises, knobs);
-    let (mut here, (mut of_residuals, mut amplitudes)) = match known {
-        Some((best, amplitudes)) => (best + beside(&logs, noises), (best, amplitudes)),
+    let (mut here, mut amplitudes) = match known {
+        Some((best, amplitudes)) => {
+            (best + observations.beside_residuals(noises) - penalty(&logs), amplitudes)
+        }
         None => likelihood(&logs),
     };
     // At its maximum over the regressors' amplitudes the likelihood changes with the noise as it does at these amplitudes: its
     // derivatives ask for one column to be whitened, however many regressors there are.
     let at_amplitudes = |logs: &[f64], left: &Projected| {
         let noises = with_logs(noises, knobs, logs);
-        exact(block, &noises, left) + beside(logs, &noises)
+        exact(block, &noises, left) + observations.beside_residuals(&noises) - penalty(logs)
+    };
+    let fit_at = |logs: &[f64], here: f64| NoiseFit {
+        noises: with_logs(noises, knobs, logs),
+        log_likelihood: here + penalty(logs),
     };
     if here == f64::NEG_INFINITY {
-        return NoiseFit { noises: noises.to_vec(), log_likelihood: of_residuals };
+        return NoiseFit { noises: noises.to_vec(), log_likelihood: here };
     }
     let alone = (knobs.first().filter(|first| knobs.iter().all(|knob| knob.0 == first.0)))
         .and_then(|&(source, _)| spectrum.one_source(block, noises, source));
     let redundant = block.channels >= SEVERAL_CHANNELS;
     let several = redundant && alone.is_none();
     // Each derivative by one of the parameters is a run over the record; Whittle's likelihood costs next to nothing beside it.
-    if several && let Some((near, gained)) = climbed(block, spectrum, noises, knobs, &logs) {
-        if of_residuals + DOUBTED * gained + FAR_NATS < least {
-            return NoiseFit { noises: noises.to_vec(), log_likelihood: of_residuals };
+    if several && let Some((near, gained)) = climbed(observations, noises, knobs, &logs) {
+        if here + DOUBTED * gained + FAR_NATS < least {
+            return fit_at(&logs, here);
         }
         if gained > WORTH_MOVING {
             let (there, with) = likelihood(&near);
             if there > here {
-                (logs, here, (of_residuals, amplitudes)) = (near, there, with);
+                (logs, here, amplitudes) = (near, there, with);
             }
         }
     }
@@ -315,9 +330,8 @@ pub fn polish(
             .flatten()
             .map(|derivatives| derivatives.curvature);
         let mut information = closed.unwrap_or_else(by_differences);
-        if evidence.common.is_some() {
-            let told = |logs: &[f64]| -evidence.beside_residuals(&with_logs(noises, knobs, logs));
-            information += curvature(&logs, STEP, told);
+        if let Some(beside) = observations.derivatives_beside(&with_logs(noises, knobs, &logs), knobs) {
+            information += beside.curvature;
         }
         let size = logs.len();
         let mut gradient = DVector::zeros(size);
@@ -341,18 +355,18 @@ pub fn polish(
         tell_levels_apart(&mut information, knobs);
         let step = newton_step(information, &gradient);
         let promised = 0.5 * gradient.dot(&step);
-        if promised < PROMISE || of_residuals + DOUBTED * promised < least {
+        if promised < PROMISE || here + DOUBTED * promised < least {
             break;
         }
         let Some(ahead) = ahead(&logs, &step, here, likelihood) else { break };
         let unforeseen = (ahead.log_likelihood - here - promised).abs();
-        (logs, here, (of_residuals, amplitudes)) = (ahead.logs, ahead.log_likelihood, ahead.with);
+        (logs, here, amplitudes) = (ahead.logs, ahead.log_likelihood, ahead.with);
         // A whole step that gained what it promised has led to the top.
         if redundant && ahead.whole && unforeseen < PROMISE {
             break;
         }
     }
-    NoiseFit { noises: with_logs(noises, knobs, &logs), log_likelihood: of_residuals }
+    fit_at(&logs, here)
 }
 
 /// Second derivatives of `cost`.

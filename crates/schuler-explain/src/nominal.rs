@@ -228,11 +228,6 @@ impl Model {
         self.common_motions.iter().find(|common| common.sources == self.blocks[block].sources)
     }
 
-    /// What the readings of a block tell of noises beside its residuals, log-likelihood up to a constant; nothing where they are not redundant.
-    pub fn beside_residuals(&self, block: usize, noises: &[Noise]) -> f64 {
-        self.common_motion_of(block).map_or(0.0, |common| common.beside_residual(noises))
-    }
-
     /// Noise of every source as the user believes.
     pub fn nominal_noises(&self) -> Vec<Noise> {
         self.sources.iter().map(|source| source.nominal.clone()).collect()

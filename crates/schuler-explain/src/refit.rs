@@ -9,13 +9,14 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use crate::catalogue::{Candidate, NoiseChange, OnsetShape, ReadingFault, Search};
-use crate::description::{Projected, Term, nonlinear_names};
+use crate::description::{Term, nonlinear_names};
 use crate::explanation::Parameter;
 use crate::jump::mean_stays;
-use crate::noise::{Knob, RowsOfLevel, VarianceStep};
-use crate::noise_fit::{SourceKnob, curvature, exact, logs_of, with_logs};
+use crate::noise::{Knob, Noise, RowsOfLevel, VarianceStep};
+use crate::noise_fit::{Observations, SourceKnob, curvature, exact, logs_of, with_logs};
 use crate::sandwich::variances;
 use crate::select::Item;
+use crate::spectrum::Derivatives;
 use crate::state::{Bench, Case, State};
 
 /// Fall of the log-likelihood at three standard deviations.
@@ -300,25 +301,23 @@ fn with_own_curvatures(
 }
 
 /// Standard deviations of the logarithms of the free parameters of a block's noises.
-fn sigmas_of_logs(
-    bench: &Bench<'_>,
-    index: usize,
-    projected: &Projected,
-    free: &[SourceKnob],
-) -> DVector<f64> {
-    let (model, noises) = (bench.case.model, &bench.noises);
-    let block = &model.blocks[index];
+fn sigmas_of_logs(observations: Observations<'_>, noises: &[Noise], free: &[SourceKnob]) -> DVector<f64> {
+    let Observations { block, spectrum, projected, .. } = observations;
     // Of redundant sensors the readings tell what residuals do not.
-    let beside = |logs: &[f64]| -model.beside_residuals(index, &with_logs(noises, free, logs));
-    let cost = |logs: &[f64]| beside(logs) - exact(block, &with_logs(noises, free, logs), projected);
+    let cost = |logs: &[f64]| {
+        let noises = with_logs(noises, free, logs);
+        -observations.beside_residuals(&noises) - exact(block, &noises, projected)
+    };
     let logs = logs_of(noises, free);
-    let closed = (bench.spectrum(index).filter(|_| free.len() > FEW_PARAMETERS))
-        .and_then(|spectrum| spectrum.derivatives(block, noises, free, LOG_STEP));
+    let many = free.len() > FEW_PARAMETERS;
+    let closed = many.then(|| spectrum.derivatives(block, noises, free, LOG_STEP)).flatten();
     let information = match closed {
-        Some(closed) if block.is_redundant() => {
-            with_own_curvatures(closed.curvature + curvature(&logs, LOG_STEP, beside), &logs, &cost)
+        Some(Derivatives { curvature: mut closed, .. }) => {
+            if let Some(beside) = observations.derivatives_beside(noises, free) {
+                closed += beside.curvature;
+            }
+            with_own_curvatures(closed, &logs, &cost)
         }
-        Some(closed) => with_own_curvatures(closed.curvature, &logs, &cost),
         None => curvature(&logs, LOG_STEP, cost),
     };
     let eigen = information.symmetric_eigen();
@@ -338,11 +337,10 @@ pub fn of_change(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter>
     };
     let free = state.free_in(case.model, index);
     let bench = Bench::new(case, &state.terms, &state.noises);
-    let sigmas = bench.blocks[index].as_ref().map(|whitened| {
+    let sigmas = bench.observations(index).map(|observations| {
         // The same for all changes of the block.
-        case.sigmas.get_or((bench.key(index), free.clone()), || {
-            sigmas_of_logs(&bench, index, &whitened.projected, &free)
-        })
+        case.sigmas
+            .get_or((bench.key(index), free.clone()), || sigmas_of_logs(observations, &bench.noises, &free))
     });
     let in_si = source.unit.in_si();
     let mut parameters: Vec<Parameter> = Vec::new();

@@ -606,27 +606,18 @@ impl Bench<'_> {
             return None;
         }
         let view = self.view(block)?;
-        let fit = || view.fit(source, change, starts).map(|fit| self.beside_residuals(fit));
+        let fit = || view.fit(source, change, starts);
         self.case.changes.get_or((self.key(block), source, change), fit)
-    }
-
-    /// A change of noise with what the readings tell of it beside the residuals.
-    fn beside_residuals(&self, fit: ChangeFit) -> ChangeFit {
-        let told = self.case.told_of_change(fit.change, &fit.noises, &self.noises);
-        ChangeFit { gain: fit.gain + told, ln_p: (fit.ln_p - told).min(0.0), ..fit }
     }
 
     /// A block under its present noises.
     pub fn view(&self, index: usize) -> Option<View<'_>> {
         let whitened = self.blocks[index].as_ref()?;
         Some(View {
-            block: &self.case.model.blocks[index],
-            projected: &whitened.projected,
+            observations: self.observations(index)?,
             noises: &self.noises,
             filter: self.filters.of_block[index].as_ref()?,
             whitened: &whitened.remainder,
-            spectrum: self.spectrum(index)?,
-            common: self.case.model.common_motion_of(index),
             log_likelihood: whitened.log_likelihood,
         })
     }

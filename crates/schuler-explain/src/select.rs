@@ -325,8 +325,13 @@ fn any_two_instead(
 /// A description without some of its items, everything else as it was, and the prices of what is left.
 fn without_all(case: &Case<'_>, state: &State, prices: &[Price], items: &[Item]) -> (State, Vec<Price>) {
     let (mut less, mut less_prices) = (state.clone(), prices.to_vec());
+    let place = |item: &Item| match *item {
+        Item::Term(place) | Item::Change(place) => place,
+    };
+    let mut items = items.to_vec();
     // The last first, so that the places of the others stay.
-    for &item in items.iter().rev() {
+    items.sort_by_key(|item| std::cmp::Reverse(place(item)));
+    for item in items {
         less = taken_out(case, &less, item);
         if let Item::Term(place) = item {
             less_prices.remove(place);
@@ -564,8 +569,7 @@ fn worth(case: &Case<'_>, (state, _, prices): &Found<'_>, family: &Family) -> f6
         against - against.min(BEYOND_DOUBT).ln() - 1.0
     };
     let cost = |(_, shown): &(Item, Shown)| shown.gain - speaks(shown);
-    state.log_likelihood + case.beside_residuals(&state.noises)
-        - shown(case, state, prices, family).iter().map(cost).sum::<f64>()
+    state.log_likelihood - shown(case, state, prices, family).iter().map(cost).sum::<f64>()
 }
 
 /// Rounds of the search from a description and the prices of its terms.
@@ -910,7 +914,7 @@ fn choose(
             let alone = bench.gain_of(&proposal.term).0;
             let joint = both.log_likelihood - bench.log_likelihood;
             let of_term = both.log_likelihood - noisy.log_likelihood;
-            let of_noise = joint - alone;
+            let of_noise = case.counted(fit.change, joint - alone, &both.noises, &state.noises);
             let term_evidence = proposal.price.evidence(of_term);
             let noise_evidence = fit.price().evidence(of_noise);
             let noise_remains = family.ln_p(&case.candidates[candidate], noise_evidence) <= ln_level;
@@ -982,7 +986,7 @@ fn taken_out(case: &Case<'_>, state: &State, item: Item) -> State {
 }
 
 /// The state without items that are no longer significant.
-fn pruned<'c>(
+pub fn pruned<'c>(
     case: &'c Case<'c>,
     mut state: State,
     mut prices: Vec<Price>,
@@ -990,19 +994,51 @@ fn pruned<'c>(
     ln_level: f64,
 ) -> (State, Bench<'c>, Vec<Price>) {
     loop {
-        let shown = shown(case, &state, &prices, family);
-        let weakest = shown.iter().max_by(|a, b| a.1.ln_p.total_cmp(&b.1.ln_p));
-        match weakest {
-            Some((item, shown)) if shown.ln_p > ln_level => {
-                if let Item::Term(place) = item {
-                    prices.remove(*place);
-                }
-                state = without(case, &state, *item).0;
-            }
-            _ => {
-                let bench = Bench::new(case, &state.terms, &state.noises);
-                return (state, bench, prices);
-            }
+        let mut weak = shown(case, &state, &prices, family);
+        weak.retain(|(_, shown)| shown.ln_p > ln_level);
+        weak.sort_by(|a, b| b.1.ln_p.total_cmp(&a.1.ln_p));
+        if weak.is_empty() {
+            let bench = Bench::new(case, &state.terms, &state.noises);
+            return (state, bench, prices);
+        }
+        let weak: Vec<Item> = weak.into_iter().map(|(item, _)| item).collect();
+        (state, prices) = without_weak(case, &state, &prices, &weak, family, ln_level);
+    }
+}
+
+/// The state without the first of its insignificant items, the weakest first: one by one another may become significant by what those before
+/// it leave. Where even all that they show together would make none of them significant, they leave at once.
+fn without_weak(
+    case: &Case<'_>,
+    state: &State,
+    prices: &[Price],
+    weak: &[Item],
+    family: &Family,
+    ln_level: f64,
+) -> (State, Vec<Price>) {
+    let mut number = weak.len();
+    loop {
+        let (less, less_prices) = without_all(case, state, prices, &weak[..number]);
+        let (less, _) = refitted(case, &less, None);
+        let together = state.log_likelihood - less.log_likelihood;
+        let is_weak = |&item: &Item| {
+            let (candidate, price) = priced(state, prices, item);
+            family.ln_p(&case.candidates[candidate], price.evidence(together)) > ln_level
+        };
+        if number == 1 || weak[..number].iter().all(is_weak) {
+            return (less, less_prices);
+        }
+        number /= 2;
+    }
+}
+
+/// The candidate that an item is, and by what its gain is judged.
+fn priced(state: &State, prices: &[Price], item: Item) -> (usize, Price) {
+    match item {
+        Item::Term(place) => (state.terms[place].candidate, prices[place]),
+        Item::Change(place) => {
+            let change = &state.changes[place];
+            (change.candidate, Price::among(change.freedom, change.ln_places))
         }
     }
 }
@@ -1082,14 +1118,13 @@ fn has_no_cause(candidate: &Candidate) -> bool {
         )
 }
 
-/// What an item gains a description over the one without it: in log-likelihood, and of a change of noise by what the readings tell of it
-/// beside the residuals.
+/// What an item gains a description over the one without it.
 pub fn gain_of_item(case: &Case<'_>, item: Item, with: &State, less: &State) -> f64 {
-    let beside = match item {
-        Item::Term(_) => 0.0,
-        Item::Change(place) => case.told_of_change(with.changes[place].change, &with.noises, &less.noises),
-    };
-    with.log_likelihood - less.log_likelihood + beside
+    let gain = with.log_likelihood - less.log_likelihood;
+    match item {
+        Item::Term(_) => gain,
+        Item::Change(place) => case.counted(with.changes[place].change, gain, &with.noises, &less.noises),
+    }
 }
 
 /// The evidence of an item of a description that shows so much by its gain.
@@ -1119,13 +1154,7 @@ fn shown_up_to(
     let bench = Bench::new(case, &state.terms, &state.noises);
     items
         .map(|item| {
-            let (candidate, price) = match item {
-                Item::Term(place) => (state.terms[place].candidate, prices[place]),
-                Item::Change(place) => {
-                    let change = &state.changes[place];
-                    (change.candidate, Price::among(change.freedom, change.ln_places))
-                }
-            };
+            let (candidate, price) = priced(state, prices, item);
             let least = state.log_likelihood - price.ln_places - doubtful;
             let (less, _) = refitted_above(case, &taken_out(case, state, item), None, least);
             let gain = gain_of_item(case, item, state, &less);

@@ -45,6 +45,68 @@ pub struct Derivatives {
     pub curvature: DMatrix<f64>,
 }
 
+/// Noises beside those at which derivatives by the logarithms of some of their parameters are taken: differences are taken of the powers of
+/// single sources.
+pub struct Moved<'n> {
+    noises: &'n [Noise],
+    knobs: &'n [(usize, Knob)],
+    step: f64,
+    /// Each parameter moved up and down.
+    single: Vec<[Noise; 2]>,
+    /// Each two parameters of one source, moved both ways.
+    crossed: Vec<(usize, usize, [Noise; 4])>,
+}
+
+/// Derivatives of the powers of sources at a frequency.
+pub struct PowerDerivatives {
+    /// By each parameter.
+    pub slopes: Vec<f64>,
+    /// By each two parameters of one source, the second not after the first.
+    pub second: Vec<(usize, usize, f64)>,
+}
+
+impl<'n> Moved<'n> {
+    /// By steps of the logarithms of `knobs`, each of a source.
+    pub fn new(noises: &'n [Noise], knobs: &'n [(usize, Knob)], step: f64) -> Self {
+        let moved = |moves: &[(usize, f64)]| {
+            let source = moves.first().map_or(0, |&(place, _)| knobs[place].0);
+            let mut noise = noises[source].clone();
+            for &(place, by) in moves {
+                let knob = knobs[place].1;
+                noise.set(knob, noise.get(knob) * by.exp());
+            }
+            noise
+        };
+        let single = (0..knobs.len()).map(|i| [step, -step].map(|by| moved(&[(i, by)]))).collect();
+        let pairs = (0..knobs.len()).flat_map(|i| (0..i).map(move |j| (i, j)));
+        let crossed = pairs
+            .filter(|&(i, j)| knobs[i].0 == knobs[j].0)
+            .map(|(i, j)| {
+                let signs = [(step, step), (-step, -step), (step, -step), (-step, step)];
+                (i, j, signs.map(|(by_i, by_j)| moved(&[(i, by_i), (j, by_j)])))
+            })
+            .collect();
+        Self { noises, knobs, step, single, crossed }
+    }
+
+    /// At `omega` rad per step of `step_s`.
+    pub fn at(&self, omega: f64, step_s: f64) -> PowerDerivatives {
+        let power = |noise: &Noise| noise.spectrum(omega, step_s);
+        let (step, squared) = (self.step, self.step * self.step);
+        let powers: Vec<[f64; 2]> =
+            self.single.iter().map(|both| [0, 1].map(|side| power(&both[side]))).collect();
+        let slopes = powers.iter().map(|[up, down]| (up - down) / (2.0 * step)).collect();
+        let own = powers.iter().enumerate().map(|(i, [up, down])| {
+            (i, i, (up + down - 2.0 * power(&self.noises[self.knobs[i].0])) / squared)
+        });
+        let crossed = self.crossed.iter().map(|(i, j, noises)| {
+            let [up, down, one, other] = [0, 1, 2, 3].map(|corner| power(&noises[corner]));
+            (*i, *j, (up + down - one - other) / (4.0 * squared))
+        });
+        PowerDerivatives { slopes, second: own.chain(crossed).collect() }
+    }
+}
+
 /// Spectrum in bands.
 pub struct Spectrum {
     bands: Vec<Band>,
@@ -157,9 +219,8 @@ impl Spectrum {
     ///
     /// With M = Σ Pₛ tₛtₛᴴ, A = tₛᴴM⁻¹tᵣ and B = tₛᴴM⁻¹ŜM⁻¹tᵣ between the sources s and r of two parameters a band has
     /// ∂ᵢ(ln det M + tr M⁻¹Ŝ) = ∂ᵢP (A − B) with s = r, and
-    /// ∂ᵢ∂ⱼ(ln det M + tr M⁻¹Ŝ) = ∂ᵢP ∂ⱼP (2 Re AB* − |A|²) + ∂ᵢ∂ⱼP (A − B), the last for parameters of one source: differences
-    /// are taken of the powers of single sources, and no matrix is inverted for each pair of parameters. `None` where the noises
-    /// are singular.
+    /// ∂ᵢ∂ⱼ(ln det M + tr M⁻¹Ŝ) = ∂ᵢP ∂ⱼP (2 Re AB* − |A|²) + ∂ᵢ∂ⱼP (A − B), the last for parameters of one source: no matrix is
+    /// inverted for each pair of parameters. `None` where the noises are singular.
     pub fn derivatives(
         &self,
         block: &Block,
@@ -168,24 +229,7 @@ impl Spectrum {
         step: f64,
     ) -> Option<Derivatives> {
         let size = knobs.len();
-        let moved = |moves: &[(usize, f64)]| {
-            let source = moves.first().map_or(0, |&(place, _)| knobs[place].0);
-            let mut noise = noises[source].clone();
-            for &(place, by) in moves {
-                let knob = knobs[place].1;
-                noise.set(knob, noise.get(knob) * by.exp());
-            }
-            noise
-        };
-        let single: Vec<[Noise; 2]> = (0..size).map(|i| [step, -step].map(|by| moved(&[(i, by)]))).collect();
-        let pairs = (0..size).flat_map(|i| (0..i).map(move |j| (i, j)));
-        let crossed: Vec<(usize, usize, [Noise; 4])> = pairs
-            .filter(|&(i, j)| knobs[i].0 == knobs[j].0)
-            .map(|(i, j)| {
-                let signs = [(step, step), (-step, -step), (step, -step), (-step, step)];
-                (i, j, signs.map(|(by_i, by_j)| moved(&[(i, by_i), (j, by_j)])))
-            })
-            .collect();
+        let moved = Moved::new(noises, knobs, step);
         let places: Vec<usize> = (knobs.iter())
             .map(|(source, _)| block.sources.iter().position(|own| own == source))
             .collect::<Option<_>>()?;
@@ -193,28 +237,22 @@ impl Spectrum {
         let mut slopes = DVector::<f64>::zeros(size);
         let mut curvature = DMatrix::<f64>::zeros(size, size);
         for band in &self.bands {
-            let power = |noise: &Noise| noise.spectrum(band.omega, step_s);
+            let PowerDerivatives { slopes: slope, second } = moved.at(band.omega, step_s);
             let enters = DMatrix::from_fn(block.channels, places.len(), |c, i| band.transfer[places[i]][c]);
             let solved = self.model(block, band, noises).cholesky()?.solve(&enters);
             let reach = enters.ad_mul(&solved);
             let shown = solved.ad_mul(&(&band.estimate * &solved));
             let left = |i: usize, j: usize| band.weight * (reach[(i, j)].re - shown[(i, j)].re);
-            let powers: Vec<[f64; 2]> =
-                single.iter().map(|both| [0, 1].map(|side| power(&both[side]))).collect();
-            let slope = |i: usize| (powers[i][0] - powers[i][1]) / (2.0 * step);
             for i in 0..size {
                 for j in 0..=i {
                     let (a, b) = (reach[(i, j)], shown[(i, j)]);
                     let both = 2.0 * (a * b.conj()).re - a.norm_sqr();
-                    curvature[(i, j)] += band.weight * slope(i) * slope(j) * both;
+                    curvature[(i, j)] += band.weight * slope[i] * slope[j] * both;
                 }
-                slopes[i] -= slope(i) * left(i, i);
-                let own = power(&noises[knobs[i].0]);
-                curvature[(i, i)] += left(i, i) * (powers[i][0] + powers[i][1] - 2.0 * own) / (step * step);
+                slopes[i] -= slope[i] * left(i, i);
             }
-            for (i, j, noises) in &crossed {
-                let [up, down, one, other] = [0, 1, 2, 3].map(|corner| power(&noises[corner]));
-                curvature[(*i, *j)] += left(*i, *j) * (up + down - one - other) / (4.0 * step * step);
+            for (i, j, second) in second {
+                curvature[(i, j)] += left(i, j) * second;
             }
         }
         curvature.fill_upper_triangle_with_lower_triangle();

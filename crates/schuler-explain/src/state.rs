@@ -16,7 +16,7 @@ use crate::least_squares::{Solution, dot, solve};
 use crate::library::Products;
 use crate::noise::{Knob, Noise};
 use crate::noise_change::{ChangeFit, PromisedStart};
-use crate::noise_fit::{Evidence, NoiseFit, SourceKnob, polish};
+use crate::noise_fit::{NoiseFit, Observations, SourceKnob, polish};
 use crate::nominal::Model;
 use crate::search::Refined;
 use crate::spectrum::Spectrum;
@@ -149,15 +149,9 @@ impl<'c> Case<'c> {
         compute(noises) - compute(&model.nominal_noises())
     }
 
-    /// What the readings tell beside the residuals of a change of the noises: a change in time they tell nothing of but what speaks against
-    /// the sensor's having so much noise in the mean.
-    pub fn told_of_change(&self, change: NoiseChange, with: &[Noise], without: &[Noise]) -> f64 {
-        let told = self.beside_residuals(with) - self.beside_residuals(without);
-        if matches!(change, NoiseChange::VarianceStep | NoiseChange::LevelAbove(_)) {
-            told.min(0.0)
-        } else {
-            told
-        }
+    /// What counts of the gain of a change of the noises ([`NoiseChange::counted`]).
+    pub fn counted(&self, change: NoiseChange, gain: f64, with: &[Noise], without: &[Noise]) -> f64 {
+        change.counted(gain, self.beside_residuals(with) - self.beside_residuals(without))
     }
 
     /// What tells terms of a candidate apart whose signature was made from the readings and not from parameters.
@@ -374,7 +368,7 @@ pub struct Bench<'c> {
     pub blocks: Vec<Option<Arc<Whitened>>>,
     /// Places of each block's regressors among all amplitudes.
     pub places: Vec<Vec<usize>>,
-    /// Log-likelihood with all amplitudes at their best.
+    /// Log-likelihood with all amplitudes at their best, and with what the readings of redundant sensors tell of the noises beside it.
     pub log_likelihood: f64,
     /// The amplitudes.
     pub solution: Solution,
@@ -400,7 +394,7 @@ impl<'c> Bench<'c> {
             (0..model.blocks.len()).map(|index| places(model, index, terms)).collect();
         let size = model.constants.len() + terms.iter().map(Term::amplitudes).sum::<usize>();
         let (mut normal, mut scores) = (DMatrix::zeros(size, size), DVector::zeros(size));
-        let mut log_likelihood = 0.0;
+        let mut log_likelihood = case.beside_residuals(noises);
         for (block, places) in blocks.iter().zip(&places) {
             let Some(block) = block else { continue };
             let sums = &block.sums;
@@ -447,7 +441,10 @@ impl<'c> Bench<'c> {
             let filtered = (0..self.blocks.len()).filter(|&block| self.filters.of_block[block].is_some());
             let blocks: Vec<usize> = filtered.collect();
             return match evaluate(self.case.model, &self.filters, &terms, &blocks) {
-                Some(all) => (all.log_likelihood - self.log_likelihood, all.solution),
+                Some(all) => {
+                    let with = all.log_likelihood + self.case.beside_residuals(&self.noises);
+                    (with - self.log_likelihood, all.solution)
+                }
                 None => (f64::NEG_INFINITY, self.solution.clone()),
             };
         }
@@ -607,6 +604,16 @@ impl<'c> Bench<'c> {
         )
     }
 
+    /// What the noises of a block are fitted to.
+    pub fn observations(&self, block: usize) -> Option<Observations<'_>> {
+        Some(Observations {
+            block: &self.case.model.blocks[block],
+            spectrum: self.spectrum(block)?,
+            projected: &self.blocks[block].as_ref()?.projected,
+            common: self.case.model.common_motion_of(block),
+        })
+    }
+
     /// What a block depends on.
     pub fn key(&self, block: usize) -> Key {
         self.case.key(block, &self.terms, &self.noises)
@@ -637,24 +644,19 @@ pub fn refitted_above<'c>(
                 return None;
             }
             let whitened = bench.blocks[index].as_ref()?;
-            let spectrum = bench.spectrum(index)?;
-            let least = whitened.log_likelihood + least - bench.log_likelihood;
+            let observations = bench.observations(index)?;
+            let here = whitened.log_likelihood + observations.beside_residuals(&state.noises);
+            let least = here + least - bench.log_likelihood;
             let fit = case.fits.get_or_if(
                 (bench.key(index), free.clone()),
                 || {
-                    let block = &case.model.blocks[index];
                     let known = (whitened.log_likelihood, whitened.sums.solution().amplitudes);
-                    let (projected, common) = (&whitened.projected, case.model.common_motion_of(index));
-                    let evidence = Evidence { block, spectrum, projected, common };
-                    polish(evidence, &state.noises, &free, least, Some(known))
+                    polish(observations, &state.noises, &free, least, Some(known))
                 },
                 // One that ended early is no maximum.
                 |fit| fit.log_likelihood >= least,
             );
-            // The noises of other blocks are those of when it was fitted.
-            let of_block = |noises: &[Noise]| case.model.beside_residuals(index, noises);
-            let told = of_block(&fit.noises) - of_block(&state.noises);
-            (fit.log_likelihood + told > whitened.log_likelihood).then_some((index, fit))
+            (fit.log_likelihood > here).then_some((index, fit))
         })
         .collect();
     for (index, fit) in fits {

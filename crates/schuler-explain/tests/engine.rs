@@ -16,10 +16,14 @@ use schuler_explain::explain::{Error, Options, explain, explain_with};
 use schuler_explain::explanation::{Explanation, Verdict};
 use schuler_explain::inputs::Inputs;
 use schuler_explain::jump::{jumps, shown_beside};
+use schuler_explain::library::{Library, Purpose};
 use schuler_explain::noise::Knob;
 use schuler_explain::nominal::Model;
+use schuler_explain::price::Price;
 use schuler_explain::readings::faults;
 use schuler_explain::scan::Scanner;
+use schuler_explain::search::Family;
+use schuler_explain::select::pruned;
 use schuler_explain::state::{Bench, Case, State, refitted};
 use schuler_explain::watch::Unwatched;
 use schuler_recording::Recording;
@@ -881,11 +885,15 @@ fn noises_that_are_fitted_together_are_shared_out_as_the_readings_tell() {
         (noises[0].white, noises[1].white) = (first, second);
         let nuisances = vec![(0, Knob::White), (1, Knob::White)];
         let state = State { terms: Vec::new(), noises, changes: Vec::new(), nuisances, log_likelihood: 0.0 };
+        let before = Bench::new(&case, &[], &state.noises).log_likelihood;
         let (fitted, _) = refitted(&case, &state, None);
         for (noise, white) in fitted.noises.iter().zip(TRUE) {
             let part = noise.white / white;
             assert!((0.9..1.1).contains(&part), "{part} of {white} from {first}");
         }
+        // What the readings know counts: of the residual alone nothing is gained.
+        let gained = fitted.log_likelihood - before;
+        assert!(gained > 100.0 * (first / TRUE[0]).ln().powi(2), "{gained} from {first}");
     }
 }
 
@@ -1616,6 +1624,37 @@ fn the_gain_of_a_finding_is_what_is_lost_without_it() {
         let widened = finding.evidence.gain_nats / expected;
         assert!((0.98..1.15).contains(&widened), "{widened} {finding:?}");
     }
+}
+
+/// Items that show nothing leave together, but not two that show nothing beside each other only.
+#[test]
+fn of_two_that_are_alike_one_stays_when_what_shows_nothing_leaves() {
+    let length = ROWS as f64;
+    let recording = recording(vec![with(noise(48, ROWS), |time| 2.0 * wave(time, length))]);
+    let candidates = candidates(ROWS, 1);
+    let model = Model::new(&recording, &[]).unwrap();
+    let time_s: Vec<f64> = recording.elapsed_s().collect();
+    let case = Case::new(&model, &candidates, &time_s, &Unwatched);
+    let bench = Bench::new(&case, &[], &model.nominal_noises());
+    let family = Family::new(&candidates, &Library::new(&bench, Purpose::NullDistribution, &|_| true));
+    let effects = ["wave", "lagged", "trend", "wave_rate"];
+    let of = |id: &str| candidates.iter().position(|candidate| candidate.effect.id == id).unwrap();
+    let term = |id: &str| {
+        let point: &[f64] = if id == "lagged" { &[20.0] } else { &[] };
+        Term::new(of(id), &candidates[of(id)], point, &time_s)
+    };
+    let state = State {
+        terms: effects.map(term).to_vec(),
+        noises: model.nominal_noises(),
+        changes: Vec::new(),
+        nuisances: Vec::new(),
+        log_likelihood: f64::NEG_INFINITY,
+    };
+    let (state, _) = refitted(&case, &state, None);
+    let prices = effects.map(|id| Price::of(&candidates[of(id)], 1, 0.0)).to_vec();
+    let (left, _, prices) = pruned(&case, state, prices, &family, 0.01_f64.ln());
+    let left: Vec<&str> = left.terms.iter().map(|term| candidates[term.candidate].effect.id).collect();
+    assert!(matches!(left[..], ["wave" | "lagged"]) && prices.len() == 1, "{left:?}");
 }
 
 #[test]
