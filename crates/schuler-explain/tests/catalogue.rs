@@ -726,10 +726,15 @@ fn runs_after_switch_on_have_their_own_constants_and_warm_up_again() {
     // Or the first run has one of its own as well.
     let values = column(&found[1], &[], 0, 3000);
     assert!(values.iter().enumerate().all(|(row, value)| *value == f64::from(u8::from(row < 1600))));
+    // The instrument went on while nothing was recorded, or was switched on again.
     let found = at(&inputs, "bias_warmup", 0, &[]);
-    let values = column(&found[0], &[100.0], 0, 3000);
-    assert_eq!((values[0], values[1600]), (1.0, 1.0));
-    assert!((values[1700] - (-1_f64).exp()).abs() < 1e-12);
+    let ways = [("before the record", (-17_f64).exp()), ("again after each long gap", (-1_f64).exp())];
+    assert_eq!(found.len(), ways.len());
+    for (candidate, (name, expected)) in found.iter().zip(ways) {
+        assert_eq!(candidate.variant, [("switched_on", name.to_owned())]);
+        let values = column(candidate, &[100.0], 0, 3000);
+        assert!((values[1700] - expected).abs() < 1e-12, "{name}");
+    }
     drop(inputs);
     // Off for a short while: another constant, perhaps, but as warm as before.
     scene.0.gaps[0] = Gap { first: 1000, missing: 10, after_s: 999.0, before_s: 1010.0 };

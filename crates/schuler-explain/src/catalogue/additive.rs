@@ -8,7 +8,7 @@ use super::draft::{
 };
 use super::{Effect, OnsetShape, Search};
 use crate::inputs::series::map;
-use crate::inputs::{Inputs, Place};
+use crate::inputs::{Inputs, Place, Series};
 
 /// A drift needs this many rows to be told from a step.
 const LEAST_ROWS: usize = 100;
@@ -81,7 +81,7 @@ pub(super) const BIAS_DRIFT_LINEAR: Effect = Effect {
 
 pub(super) const BIAS_WARMUP: Effect = Effect {
     id: "bias_warmup",
-    formula: "k·exp(−t/τ)",
+    formula: "k·exp(−t/τ), t from the first row or from the last switch-on",
     sentence: "settles after switch-on",
     needs: "record from switch-on",
     separated_by: "switch on at another ambient temperature: warm-up comes again, dependence on T changes",
@@ -92,12 +92,20 @@ pub(super) const BIAS_WARMUP: Effect = Effect {
             return Vec::new();
         }
         let Some(tau) = time_constant(inputs, 60.0, 6.0 * 3600.0) else { return Vec::new() };
-        let since: crate::inputs::Series = inputs.since_switch_on_s().into();
+        // Where readings are missing for long it may have been switched off, or have gone on unrecorded.
+        let unrecorded = ("before the record", inputs.time_s.clone());
+        let off = ("again after each long gap", inputs.since_switch_on_s().into());
+        let has_gaps = inputs.run_starts.len() > 1;
         at_each_instrument_place(effect, inputs, |place| {
             let plausible = Plausible::inertial([0.05, 5.0], [10.0, 300.0]);
-            let since = since.clone();
-            let amplitude = coefficient(place, ITSELF, plausible);
-            vec![Draft::grid(place, tau.clone(), amplitude, move |tau| map(&since, |t| (-t / tau).exp()))]
+            let counted = |(name, since): (&str, Series)| {
+                let amplitude = coefficient(place, ITSELF, plausible);
+                let values = move |tau: f64| map(&since, |t| (-t / tau).exp());
+                let draft = Draft::grid(place, tau.clone(), amplitude, values);
+                if has_gaps { draft.with("switched_on", name) } else { draft }
+            };
+            let ways = [unrecorded.clone(), off.clone()];
+            ways.into_iter().take(if has_gaps { 2 } else { 1 }).map(counted).collect()
         })
     },
 };
