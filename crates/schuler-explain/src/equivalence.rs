@@ -80,6 +80,18 @@ pub struct Alternative {
     pub simpler: bool,
 }
 
+impl Alternative {
+    /// Nats by which it is behind another: what its evidence may be at most keeps it from leading, and not from looking the same.
+    fn behind(&self, best: &Self) -> f64 {
+        let evidence = if self.price.most.is_finite() {
+            Price { most: f64::INFINITY, ..self.price }.evidence(self.gain)
+        } else {
+            self.evidence
+        };
+        best.evidence - evidence
+    }
+}
+
 /// Name of what a candidate acts on.
 pub fn target_name(model: &Model, candidate: &Candidate) -> String {
     match &candidate.target {
@@ -166,7 +178,7 @@ pub fn alternatives(
     prefer_radio(case, &mut found);
     let Some(best) = found.first().cloned() else { return (found, less) };
     found.retain(|other| {
-        let behind = best.evidence - other.evidence;
+        let behind = other.behind(&best);
         behind < CLASS_NATS || (behind < PRICED_NATS && other.gain > best.gain - CLASS_NATS)
     });
     prefer_simpler(case, &mut found);
@@ -374,10 +386,10 @@ pub fn class(
     let mut class = vec![own.effect.id.to_owned()];
     let mut rivals = Vec::new();
     let mut seen = HashSet::from([(name.clone(), own.effect.id)]);
-    let alone = alternatives.iter().skip(1).map(|other| {
-        let behind_nats = first.evidence - other.evidence;
-        (other.candidate, other.term.as_ref(), behind_nats, None)
-    });
+    let alone = alternatives
+        .iter()
+        .skip(1)
+        .map(|other| (other.candidate, other.term.as_ref(), other.behind(first), None));
     let near = pairs.iter().filter(|pair| pair.behind_nats < CLASS_NATS);
     let together = near.flat_map(|PairInstead { terms: [a, b], behind_nats, .. }| {
         [(a, b), (b, a)].map(|(one, beside)| {
