@@ -767,10 +767,20 @@ fn standoffs(values: &[f64], neighbours: usize, step: f64, floor: f64) -> (f64, 
         PER_MEDIAN * median(&mut sizes)
     };
     let whole = spread(&distances).max(floor);
+    // What turns back is further from those of one side than from those of both.
+    let of_one_side = std::cell::LazyCell::new(|| {
+        let from_before = |window: &[f64]| {
+            let (last, before) = window.split_last().unwrap_or((&f64::NAN, &[]));
+            last - median(&mut before.to_vec())
+        };
+        spread(&values.windows(MOST_NEIGHBOURS + 1).map(from_before).collect::<Vec<f64>>())
+    });
+    let last = values.len().saturating_sub(1);
     for (part, distances) in distances.chunks_mut(ONE_SPREAD).enumerate() {
         // Of a few readings the spread is not known.
         let own = if distances.len() > ONE_SPREAD / 2 { spread(distances).max(whole) } else { whole };
         for (place, distance) in (part * ONE_SPREAD..).zip(distances) {
+            let own = if place == 0 || place == last { own.max(*of_one_side) } else { own };
             *distance = if own > 0.0 { *distance / own } else { 0.0 };
             if distance.abs() > LEAST_COMPARED && !is_alone(values, place, neighbours) {
                 *distance = 0.0;
@@ -908,6 +918,10 @@ mod tests {
             // At the ends, and on a slope that is steeper than the spike; but no kink, no step of a slope, and nothing that decays.
             for place in [0, 1, 2, 1996, 1998, 1999] {
                 assert_eq!(spikes(&|k| if k == place { 6.0 } else { 0.0 }), [place]);
+            }
+            // Nor what swings, wherever it is at the ends.
+            for begin in 0..20 {
+                assert!(spikes(&|k| 20.0 * (0.45 * (k + begin) as f64).sin()).is_empty());
             }
             for rise in [1.0, 10.0, 100.0] {
                 assert_eq!(spikes(&|k| rise * k as f64 + if k == 700 { 6.0 } else { 0.0 }), [700]);
