@@ -82,3 +82,4 @@ pub mod statistics;
 pub mod steady;
 pub mod watch;
 pub mod whiten;
+mod within_step;

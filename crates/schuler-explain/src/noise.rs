@@ -304,26 +304,36 @@ impl Noise {
         for part in self.all_markov() {
             let decay = step_s / part.tau_s;
             let variance = part.sigma * part.sigma;
-            states.push_one((-decay).exp(), variance * -(-2.0 * decay).exp_m1(), variance);
+            let driven = variance * -(-2.0 * decay).exp_m1();
+            states.push_one(part.tau_s.recip(), (-decay).exp(), driven, variance);
         }
         for part in &self.exp_cos {
             let decay = (-part.alpha * step_s).exp();
             let (sin, cos) = (part.beta * step_s).sin_cos();
             let variance = part.sigma * part.sigma;
             let driven = variance * -(-2.0 * part.alpha * step_s).exp_m1();
-            states.push_two(
-                [[decay * cos, -decay * sin], [decay * sin, decay * cos]],
-                [driven, driven],
-                [variance, variance],
-                [1.0, 0.0],
-            );
+            states.groups.push(Group {
+                size: 2,
+                transition: [[decay * cos, -decay * sin], [decay * sin, decay * cos]],
+                driven: [driven, driven],
+                start: [variance, variance],
+                seen: [1.0, 0.0],
+                rates: Some([part.alpha, part.beta]),
+            });
         }
         if self.random_walk > 0.0 {
-            states.push_one(1.0, self.random_walk * self.random_walk * step_s, 0.0);
+            states.push_one(0.0, 1.0, self.random_walk * self.random_walk * step_s, 0.0);
         }
         if self.angle > 0.0 {
             let variance = self.angle * self.angle;
-            states.push_two([[0.0, 0.0], [1.0, 0.0]], [variance, 0.0], [variance, variance], [1.0, -1.0]);
+            states.groups.push(Group {
+                size: 2,
+                transition: [[0.0, 0.0], [1.0, 0.0]],
+                driven: [variance, 0.0],
+                start: [variance, variance],
+                seen: [1.0, -1.0],
+                rates: None,
+            });
         }
         states
     }
@@ -380,21 +390,29 @@ pub struct Group {
     pub start: [f64; 2],
     /// Weight in the output.
     pub seen: [f64; 2],
+    /// Rate of decay and angular frequency, 1/s, of what goes on between the rows.
+    pub rates: Option<[f64; 2]>,
+}
+
+impl Group {
+    /// Spectral density of the driving noise of either state, of what goes on between the rows.
+    pub fn density(&self, step_s: f64) -> Option<f64> {
+        let [decay, _] = self.rates?;
+        let lasts_s = if decay > 0.0 { -(-2.0 * decay * step_s).exp_m1() / (2.0 * decay) } else { step_s };
+        Some(self.driven[0] / lasts_s)
+    }
 }
 
 impl States {
-    fn push_one(&mut self, transition: f64, driven: f64, start: f64) {
+    fn push_one(&mut self, decay: f64, transition: f64, driven: f64, start: f64) {
         self.groups.push(Group {
             size: 1,
             transition: [[transition, 0.0], [0.0, 0.0]],
             driven: [driven, 0.0],
             start: [start, 0.0],
             seen: [1.0, 0.0],
+            rates: Some([decay, 0.0]),
         });
-    }
-
-    fn push_two(&mut self, transition: [[f64; 2]; 2], driven: [f64; 2], start: [f64; 2], seen: [f64; 2]) {
-        self.groups.push(Group { size: 2, transition, driven, start, seen });
     }
 
     /// Number of states.

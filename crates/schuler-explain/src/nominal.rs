@@ -22,10 +22,11 @@ use crate::catalogue::{Column, Port};
 use crate::common_motion::CommonMotion;
 use crate::inputs::Loudness;
 use crate::inputs::series::Series;
-use crate::noise::{Noise, RowsOfLevel};
+use crate::noise::{Group, Noise, RowsOfLevel};
 use crate::onset_energy::{self, Shapes};
 use crate::statistics::median;
 use crate::whiten::{Filter, Space};
+use crate::within_step::over_step;
 
 /// Standard deviations of the loop's velocity error, m/s, and vertical error, rad, at the start.
 const LOOP_START: [f64; 2] = [0.1, 1e-4];
@@ -77,6 +78,8 @@ enum Geometry {
 /// The undisturbed loop over a step, and what a constant accelerometer error and gyro drift add.
 #[derive(Clone, Copy, Debug)]
 struct SchulerStep {
+    /// What the rates of change of its states are of them: of the velocity error by the error of the vertical, and the other way round.
+    generator: [[f64; 2]; 2],
     transition: [[f64; 2]; 2],
     accelerometer: [f64; 2],
     gyro: [f64; 2],
@@ -470,10 +473,47 @@ impl SchulerStep {
         let (sin, cos) = (omega * step_s).sin_cos();
         let start = if first.abs() > START_SIGMAS * LOOP_START[0] { first.abs() } else { LOOP_START[0] };
         Self {
+            generator: [[0.0, -gravity], [radius.recip(), 0.0]],
             transition: [[cos, -speed * sin], [sin / speed, cos]],
             accelerometer: [sin / omega, (1.0 - cos) / (omega * speed)],
             gyro: [-speed * (1.0 - cos) / omega, sin / omega],
             start: [start, LOOP_START[1]],
+        }
+    }
+
+    /// Lets parts of the noises inside the loop, each of the source at a place with its first state, drive it between the rows.
+    fn drive(&self, space: &mut Space, inside: &[(usize, usize, &Group)], step_s: f64) {
+        let continuous = inside
+            .iter()
+            .filter_map(|&(place, at, group)| Some((place, at, group, group.rates?, group.density(step_s)?)));
+        let parts: Vec<_> = continuous.collect();
+        // The loop's two states, and those of the parts, by their places in the whole.
+        let own = parts.iter().flat_map(|&(_, at, group, ..)| at..at + group.size);
+        let states: Vec<usize> = [0, 1].into_iter().chain(own).collect();
+        let size = states.len();
+        let (mut generator, mut density) = (DMatrix::zeros(size, size), DMatrix::zeros(size, size));
+        let [[_, tilt], [speed, _]] = self.generator;
+        (generator[(0, 1)], generator[(1, 0)]) = (tilt, speed);
+        let mut fastest = (-tilt * speed).sqrt();
+        let mut at = 2;
+        for &(place, _, group, [decay, frequency], of_noise) in &parts {
+            for i in 0..group.size {
+                generator[(at + i, at + i)] = -decay;
+                generator[(place - 1, at + i)] = group.seen[i];
+                density[(at + i, at + i)] = of_noise;
+            }
+            if group.size == 2 {
+                (generator[(at, at + 1)], generator[(at + 1, at)]) = (-frequency, frequency);
+            }
+            fastest = fastest.max(decay.hypot(frequency));
+            at += group.size;
+        }
+        let [transition, driven] = over_step(&generator, &density, fastest, step_s);
+        for (i, &row) in states.iter().enumerate() {
+            for (j, &column) in states.iter().enumerate() {
+                space.transition[row * space.states + column] = transition[(i, j)];
+                space.driven[row * space.states + column] = driven[(i, j)];
+            }
         }
     }
 
@@ -687,7 +727,9 @@ impl Block {
             space.seen[0] = 1.0;
         }
         let mut at = navigation;
-        for (place, (parts, &source)) in parts.iter().zip(&self.sources).enumerate() {
+        // Place of the source, of the first state, and the states of a part that is inside a loop.
+        let mut inside: Vec<(usize, usize, &Group)> = Vec::new();
+        for (place, parts) in parts.iter().enumerate() {
             for group in &parts.groups {
                 for i in 0..group.size {
                     for j in 0..group.size {
@@ -701,24 +743,20 @@ impl Block {
                                 space.seen[channel * n + at + i] = parity[(channel, place)] * group.seen[i];
                             }
                         }
-                        Geometry::Loop(step) => {
-                            let port = [Port::Output, Port::Accelerometer, Port::Gyro][place.min(2)];
-                            if let Some(enters) = step.of_port(port) {
-                                // The mean over the step of what decays within it.
-                                let next: f64 =
-                                    (0..group.size).map(|k| group.seen[k] * group.transition[k][i]).sum();
-                                let mean = 0.5 * (group.seen[i] + next);
-                                space.transition[at + i] = enters[0] * mean;
-                                space.transition[n + at + i] = enters[1] * mean;
-                            } else {
-                                space.seen[at + i] = group.seen[i];
-                            }
-                        }
-                        Geometry::Direct => space.seen[at + i] = group.seen[i],
+                        Geometry::Loop(_) if place > 0 => {}
+                        Geometry::Loop(_) | Geometry::Direct => space.seen[at + i] = group.seen[i],
                     }
+                }
+                if place > 0 {
+                    inside.push((place, at, group));
                 }
                 at += group.size;
             }
+        }
+        if let Geometry::Loop(step) = &self.geometry {
+            step.drive(&mut space, &inside, self.step_s);
+        }
+        for (place, &source) in self.sources.iter().enumerate() {
             if let (Geometry::Loop(step), true) = (&self.geometry, place > 0) {
                 let port = if place == 1 { Port::Accelerometer } else { Port::Gyro };
                 let variance = noises[source].white * noises[source].white;
@@ -787,7 +825,9 @@ impl Block {
                 let z = Complex::from_polar(1.0, omega);
                 let [[a, b], [c, d]] = step.transition;
                 let determinant = (z - a) * (z - d) - b * c;
-                vec![((z - d) * enters[0] + b * enters[1]) / determinant]
+                // Over a step there is the mean of what is before and after it.
+                let mean = 0.5 * (z + 1.0);
+                vec![mean * ((z - d) * enters[0] + b * enters[1]) / determinant]
             }
         }
     }

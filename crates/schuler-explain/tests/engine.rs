@@ -276,6 +276,41 @@ fn loop_noise(seed: u64, rows: usize, of: &SchulerLoop) -> Vec<f64> {
         .collect()
 }
 
+/// Noise inside a loop goes on between rows that are a third of its time constant apart: what the loop makes of it there is neither another
+/// noise nor a quieter velocity.
+#[test]
+fn noise_of_a_loop_with_a_long_step_is_as_stated() {
+    const TRIALS: usize = 60;
+    const STEP_S: usize = 240;
+    let of = SchulerLoop {
+        accelerometer: Some(Markov { sigma: 7e-4, tau_s: 720.0 }),
+        gyro: Some(Markov { sigma: 4e-8, tau_s: 2200.0 }),
+        velocity_white: 0.04,
+        ..schuler_loop()
+    };
+    let false_alarms = (0..TRIALS as u64).into_par_iter().filter(|&seed| {
+        let every_second = loop_noise(61_000 + seed, 2000 * STEP_S, &of);
+        let values = every_second.into_iter().step_by(STEP_S).collect();
+        let kind = (SensorKind::InsVelocity, Unit::MetrePerSecond);
+        let series = common::series("velocity", kind, [1.0, 0.0, 0.0], Nominal::default(), values);
+        let mut recording = common::recording(MotionKind::VelocityError, vec![series]);
+        recording.case.schuler_loop = Some(of);
+        recording.step_s = STEP_S as f64;
+        recording.time_s = (0..2000).map(|row| (row * STEP_S) as f64).collect();
+        let inputs = Inputs::new(&recording);
+        let ports = [Port::Output, Port::Accelerometer, Port::Gyro];
+        let noises = |port: Port| {
+            [(&WHITE, NoiseChange::White), (&MARKOV, NoiseChange::Markov)]
+                .map(|(effect, change)| Candidate { port, ..candidate(effect, 0, Search::Noise(change)) })
+        };
+        let candidates = ports.into_iter().flat_map(noises).collect();
+        let options = Options { hold_out: false, ..Options::default() };
+        !explain_with(&inputs, candidates, &options).unwrap().findings.is_empty()
+    });
+    let false_alarms = false_alarms.count();
+    assert!(false_alarms <= most(TRIALS, 0.01), "{false_alarms}");
+}
+
 /// An accelerometer's step is integrated by the loop: its scores at neighbouring onsets are nearly the same, and yet there are
 /// many onsets.
 #[test]
