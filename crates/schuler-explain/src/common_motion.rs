@@ -118,7 +118,8 @@ impl CommonMotion {
         self.bands.iter().filter_map(of_band).filter(|value| value.is_finite()).sum()
     }
 
-    /// Derivatives of [`Self::beside_residual`] by the logarithms of `knobs`, each of a source, at `noises`; `None` where the noises are singular.
+    /// Derivatives of [`Self::beside_residual`] by the logarithms of `knobs`, each of one of its sources, at `noises`; `None` where they are not
+    /// finite.
     pub fn derivatives(&self, noises: &[Noise], knobs: &[SourceKnob], step: f64) -> Option<Derivatives> {
         let size = knobs.len();
         let moved = Moved::new(noises, knobs, step);
@@ -128,7 +129,7 @@ impl CommonMotion {
         let mut curvature = DMatrix::<f64>::zeros(size, size);
         for band in &self.bands {
             let powers = self.powers(noises, band.omega);
-            let (by_weight, by_two) = self.by_weights(&powers, band)?;
+            let Some((by_weight, by_two)) = self.by_weights(&powers, band) else { continue };
             let PowerDerivatives { slopes: slope, second } = moved.at(band.omega, self.step_s);
             // Of the weights, the powers' reciprocals.
             let of_weight = |i: usize| -slope[i] / powers[places[i]].powi(2);

@@ -218,6 +218,7 @@ fn prefer_simpler(case: &Case<'_>, found: &mut [Alternative]) {
                 && case.candidates[other.candidate].effect.id != case.candidates[best.candidate].effect.id
                 && cause(other) == cause(&best)
                 && !is_scan(other)
+                && other.price.most == f64::INFINITY
                 && parameters(other) <= parameters(&best)
         })
         .min_by_key(|(_, other)| other.candidate);
@@ -389,7 +390,7 @@ pub fn class(
     let alone = alternatives
         .iter()
         .skip(1)
-        .map(|other| (other.candidate, other.term.as_ref(), other.behind(first), None));
+        .map(|other| (other.candidate, other.term.as_ref(), other.behind(first).max(0.0), None));
     let near = pairs.iter().filter(|pair| pair.behind_nats < CLASS_NATS);
     let together = near.flat_map(|PairInstead { terms: [a, b], behind_nats, .. }| {
         [(a, b), (b, a)].map(|(one, beside)| {

@@ -473,7 +473,7 @@ impl View<'_> {
     fn along(&self, source: usize) -> Option<Vec<f64>> {
         let channels = self.observations.block.channels;
         let place = self.observations.block.sources.iter().position(|&other| other == source)?;
-        let seen = self.observations.block.transfer(place, 0.0);
+        let seen = self.observations.block.noise_transfer(place, 0.0);
         let (_, whitening) = self.filter.settled();
         let whitened = |row: &[f64]| row.iter().zip(&seen).map(|(w, seen)| w * seen.re).sum::<f64>();
         let along: Vec<f64> = whitening.chunks_exact(channels).map(whitened).collect();

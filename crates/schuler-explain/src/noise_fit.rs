@@ -257,7 +257,7 @@ impl Observations<'_> {
         self.common.map_or(0.0, |common| common.beside_residual(noises))
     }
 
-    /// Derivatives of that by the logarithms of `knobs`; `None` where the readings tell nothing.
+    /// Derivatives of that by the logarithms of `knobs`; `None` where there are no such readings, or they are not finite.
     pub fn derivatives_beside(&self, noises: &[Noise], knobs: &[SourceKnob]) -> Option<Derivatives> {
         self.common?.derivatives(noises, knobs, STEP)
     }

@@ -481,7 +481,8 @@ impl SchulerStep {
         }
     }
 
-    /// Lets parts of the noises inside the loop, each of the source at a place with its first state, drive it between the rows.
+    /// Lets parts of the noises inside the loop, each of the source at a place with its first state, drive it between the rows. The rounding of an
+    /// angle, which is there at the rows alone, is none of them.
     fn drive(&self, space: &mut Space, inside: &[(usize, usize, &Group)], step_s: f64) {
         let continuous = inside
             .iter()
@@ -811,8 +812,20 @@ impl Block {
         Filter::new(&self.space(noises), present)
     }
 
-    /// How a source enters the channels at `omega` rad a step.
+    /// How a tone of a source enters the channels at `omega` rad a step: into a loop by the mean of what is before and after a step.
     pub fn transfer(&self, place: usize, omega: f64) -> Vec<Complex<f64>> {
+        self.enters(place, omega, (0.5 * omega).cos())
+    }
+
+    /// How its noise does, which goes on between the rows: of what walks from row to row the means over steps have the part
+    /// 1 − ⅔ sin² ½ω of its power.
+    pub fn noise_transfer(&self, place: usize, omega: f64) -> Vec<Complex<f64>> {
+        let sin = (0.5 * omega).sin();
+        self.enters(place, omega, (1.0 - sin * sin / 1.5).sqrt())
+    }
+
+    /// The same with the part that the mean over a step has of what is sampled.
+    fn enters(&self, place: usize, omega: f64, mean: f64) -> Vec<Complex<f64>> {
         match &self.geometry {
             Geometry::Direct => vec![Complex::from(1.0)],
             Geometry::Parity(parity) => (0..self.channels).map(|c| parity[(c, place)].into()).collect(),
@@ -825,8 +838,7 @@ impl Block {
                 let z = Complex::from_polar(1.0, omega);
                 let [[a, b], [c, d]] = step.transition;
                 let determinant = (z - a) * (z - d) - b * c;
-                // Over a step there is the mean of what is before and after it.
-                let mean = 0.5 * (z + 1.0);
+                let mean = Complex::from_polar(mean, 0.5 * omega);
                 vec![mean * ((z - d) * enters[0] + b * enters[1]) / determinant]
             }
         }

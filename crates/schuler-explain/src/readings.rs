@@ -751,6 +751,10 @@ fn spikes(model: &Model, block: &Block, steps: &[f64], masked: &[Vec<bool>]) -> 
 /// Distances of readings that go by a `step` are multiples of half of it. They are spread evenly over these: many equal ones would all
 /// stand off from the next level, and their median would be a level.
 fn standoffs(values: &[f64], neighbours: usize, step: f64, floor: f64) -> (f64, Vec<f64>) {
+    let last = values.len().saturating_sub(1);
+    // What steadily rises is that far from the middle of those of one side.
+    let rise = median(&mut values.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<f64>>());
+    let risen = 0.5 * (MOST_NEIGHBOURS + 1) as f64 * rise;
     let mut both = Vec::with_capacity(2 * neighbours);
     let mut distance = |place: usize| {
         let [before, after] = sides(values, place, neighbours);
@@ -759,7 +763,12 @@ fn standoffs(values: &[f64], neighbours: usize, step: f64, floor: f64) -> (f64, 
         // The median of fewer has a larger error.
         let of_fewer = (1.0 + 1.0 / both.len() as f64) / (1.0 + 0.5 / neighbours as f64);
         let evenly = (place as f64 * GOLDEN).fract() - 0.5;
-        (values[place] - median(&mut both)) / of_fewer.sqrt() + 0.5 * step * evenly
+        let of_trend = match place {
+            0 => -risen,
+            place if place == last => risen,
+            _ => 0.0,
+        };
+        (values[place] - median(&mut both) - of_trend) / of_fewer.sqrt() + 0.5 * step * evenly
     };
     let mut distances: Vec<f64> = (0..values.len()).map(&mut distance).collect();
     let spread = |distances: &[f64]| {
@@ -771,17 +780,18 @@ fn standoffs(values: &[f64], neighbours: usize, step: f64, floor: f64) -> (f64, 
     let of_one_side = std::cell::LazyCell::new(|| {
         let from_before = |window: &[f64]| {
             let (last, before) = window.split_last().unwrap_or((&f64::NAN, &[]));
-            last - median(&mut before.to_vec())
+            last - median(&mut before.to_vec()) - risen
         };
         spread(&values.windows(MOST_NEIGHBOURS + 1).map(from_before).collect::<Vec<f64>>())
     });
-    let last = values.len().saturating_sub(1);
     for (part, distances) in distances.chunks_mut(ONE_SPREAD).enumerate() {
         // Of a few readings the spread is not known.
         let own = if distances.len() > ONE_SPREAD / 2 { spread(distances).max(whole) } else { whole };
         for (place, distance) in (part * ONE_SPREAD..).zip(distances) {
-            let own = if place == 0 || place == last { own.max(*of_one_side) } else { own };
-            *distance = if own > 0.0 { *distance / own } else { 0.0 };
+            let standoff = |own: f64| if own > 0.0 { *distance / own } else { 0.0 };
+            let is_far = standoff(own).abs() > LEAST_COMPARED;
+            let is_at_end = place == 0 || place == last;
+            *distance = standoff(if is_far && is_at_end { own.max(*of_one_side) } else { own });
             if distance.abs() > LEAST_COMPARED && !is_alone(values, place, neighbours) {
                 *distance = 0.0;
             }
@@ -918,6 +928,10 @@ mod tests {
             // At the ends, and on a slope that is steeper than the spike; but no kink, no step of a slope, and nothing that decays.
             for place in [0, 1, 2, 1996, 1998, 1999] {
                 assert_eq!(spikes(&|k| if k == place { 6.0 } else { 0.0 }), [place]);
+            }
+            for place in [0, 1999] {
+                let rise = if place == 0 { -0.3 } else { 0.3 };
+                assert_eq!(spikes(&|k| rise * k as f64 + if k == place { 6.0 } else { 0.0 }), [place]);
             }
             // Nor what swings, wherever it is at the ends.
             for begin in 0..20 {

@@ -245,7 +245,7 @@ impl Density<'_> {
         let enters = DVector::from_vec(block.transfer(self.place, omega));
         let mut spectrum = DMatrix::<Complex<f64>>::zeros(block.channels, block.channels);
         for (place, &source) in block.sources.iter().enumerate() {
-            let through = DVector::from_vec(block.transfer(place, omega));
+            let through = DVector::from_vec(block.noise_transfer(place, omega));
             let power = self.noises[source].spectrum(omega, block.step_s());
             spectrum += &through * through.adjoint() * Complex::from(power);
         }

@@ -912,15 +912,15 @@ fn choose(
             both.terms.push(proposal.term.clone());
             let (both, _) = refitted(case, &both, Some(&[index]));
             let alone = bench.gain_of(&proposal.term).0;
-            let joint = both.log_likelihood - bench.log_likelihood;
             let of_term = both.log_likelihood - noisy.log_likelihood;
-            let of_noise = case.counted(fit.change, joint - alone, &both.noises, &state.noises);
+            let of_both = both.log_likelihood - bench.log_likelihood;
+            let of_noise = case.counted(fit.change, of_both - alone, &both.noises, &state.noises);
             let term_evidence = proposal.price.evidence(of_term);
             let noise_evidence = fit.price().evidence(of_noise);
             let noise_remains = family.ln_p(&case.candidates[candidate], noise_evidence) <= ln_level;
             let significant = noise_remains && ln_p_of(proposal, term_evidence) <= ln_level;
             let found = significant.then(|| {
-                let score = joint - (of_term - term_evidence) - (of_noise - noise_evidence);
+                let score = alone + noise_evidence - (of_term - term_evidence);
                 let fit = ChangeFit { noises: both.noises, ..fit.clone() };
                 (score, Move::Both(Box::new(proposal.clone()), candidate, Box::new(fit)))
             });
@@ -1006,8 +1006,8 @@ pub fn pruned<'c>(
     }
 }
 
-/// The state without the first of its insignificant items, the weakest first: one by one another may become significant by what those before
-/// it leave. Where even all that they show together would make none of them significant, they leave at once.
+/// The state without the first of its insignificant items, the weakest first: one by one, as another may become significant by what it
+/// leaves. Several leave at once where even all that they show together would make none of them significant.
 fn without_weak(
     case: &Case<'_>,
     state: &State,

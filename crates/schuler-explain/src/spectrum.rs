@@ -173,7 +173,8 @@ impl Spectrum {
             let excess = power.trace().re / channels as f64;
             if let Some(back) = unwhitening(&space, filter, omega) {
                 let estimate = &back * power * back.adjoint();
-                let transfer = (0..block.sources.len()).map(|place| block.transfer(place, omega)).collect();
+                let transfer =
+                    (0..block.sources.len()).map(|place| block.noise_transfer(place, omega)).collect();
                 bands.push(Band { omega, weight: number * independent, estimate, excess, transfer });
             }
         }
