@@ -20,7 +20,7 @@ use crate::minimise::simplex;
 use crate::noise::Noise;
 use crate::noise_fit::{SourceKnob, logs_of, one_with_logs};
 use crate::nominal::{Block, Model, of_input};
-use crate::spectrum::{Derivatives, Moved, PowerDerivatives, bands, transforms};
+use crate::spectrum::{Derivatives, Moved, bands, transforms};
 
 /// First frequency that the taper keeps apart from the mean.
 const FIRST: usize = 3;
@@ -121,43 +121,30 @@ impl CommonMotion {
     /// Derivatives of [`Self::beside_residual`] by the logarithms of `knobs`, each of one of its sources, at `noises`; `None` where they are not
     /// finite.
     pub fn derivatives(&self, noises: &[Noise], knobs: &[SourceKnob], step: f64) -> Option<Derivatives> {
-        let size = knobs.len();
         let moved = Moved::new(noises, knobs, step);
         let place_of = |&(source, _): &SourceKnob| self.sources.iter().position(|&own| own == source);
         let places: Vec<usize> = knobs.iter().map(place_of).collect::<Option<_>>()?;
-        let mut slopes = DVector::<f64>::zeros(size);
-        let mut curvature = DMatrix::<f64>::zeros(size, size);
+        let mut derivatives = Derivatives::zeros(knobs.len());
         for band in &self.bands {
-            let powers = self.powers(noises, band.omega);
-            let Some((by_weight, by_two)) = self.by_weights(&powers, band) else { continue };
-            let PowerDerivatives { slopes: slope, second } = moved.at(band.omega, self.step_s);
-            // Of the weights, the powers' reciprocals.
-            let of_weight = |i: usize| -slope[i] / powers[places[i]].powi(2);
-            for i in 0..size {
-                for j in 0..=i {
-                    curvature[(i, j)] +=
-                        band.beside * by_two[(places[i], places[j])] * of_weight(i) * of_weight(j);
-                }
-                slopes[i] -= band.beside * by_weight[places[i]] * of_weight(i);
-            }
-            for (i, j, second) in second {
-                let power = powers[places[i]];
-                let of_weight = (2.0 * slope[i] * slope[j] / power - second) / (power * power);
-                curvature[(i, j)] += band.beside * by_weight[places[i]] * of_weight;
-            }
+            let Some((first, both)) = self.by_powers(&self.powers(noises, band.omega), band) else {
+                continue;
+            };
+            derivatives.add(
+                &moved.at(band.omega, self.step_s),
+                |i| band.beside * first[places[i]],
+                |i, j| band.beside * both[(places[i], places[j])],
+            );
         }
-        curvature.fill_upper_triangle_with_lower_triangle();
-        let finite = slopes.iter().chain(curvature.iter()).all(|value| value.is_finite());
-        finite.then_some(Derivatives { slopes, curvature })
+        derivatives.finished()
     }
 
-    /// Derivatives of ln det Ŝᵤ by the weights λ, the reciprocals of the noises' powers.
+    /// Derivatives of ln det Ŝᵤ by the noises' powers, by way of their reciprocals, the weights λ.
     ///
     /// With P = (Aᵀ λ A)⁻¹, W = P Aᵀ λ and R = 1 − Wᵀ Aᵀ the mean's weights change as ∂ᵢW = pᵢ rᵢᵀ, the columns of P Aᵀ and of R, so that
     /// ∂ᵢŜᵤ = pᵢ vᵢᴴ + vᵢ pᵢᵀ with V = W Ŝ R, and ∂ᵢ ln det Ŝᵤ = 2 Re αᵢᵢ with α = A P Ŝᵤ⁻¹ V. Once more, with q = A P Aᵀ,
     /// π = A P Ŝᵤ⁻¹ P Aᵀ, ν = Vᴴ Ŝᵤ⁻¹ V and s = Rᵀ Ŝ R:
     /// ∂ᵢ∂ⱼ ln det Ŝᵤ = 2 Re((sᵢⱼ − νᵢⱼ) πⱼᵢ − qᵢⱼ (αᵢⱼ + αⱼᵢ) − αᵢⱼ αⱼᵢ).
-    fn by_weights(&self, powers: &[f64], band: &Band) -> Option<(DVector<f64>, DMatrix<f64>)> {
+    fn by_powers(&self, powers: &[f64], band: &Band) -> Option<(DVector<f64>, DMatrix<f64>)> {
         let (weights, noise) = self.mean_of(powers, None)?;
         let reached = noise * self.axes.transpose();
         let left =
@@ -177,9 +164,14 @@ impl CommonMotion {
                 against[(i, j)] * own[(j, i)] - (one + other) * alike[(i, j)] - one * other;
             2.0 * sum.re
         };
+        let by_weight = |i: usize| 2.0 * crossed[(i, i)].re;
+        let first = |i: usize, _| -by_weight(i) / powers[i].powi(2);
+        let both = |i: usize, j: usize| {
+            let bent = if i == j { 2.0 * by_weight(i) / powers[i].powi(3) } else { 0.0 };
+            by_two(i, j) / (powers[i] * powers[j]).powi(2) + bent
+        };
         let size = powers.len();
-        let first = DVector::from_fn(size, |i, _| 2.0 * crossed[(i, i)].re);
-        Some((first, DMatrix::from_fn(size, size, by_two)))
+        Some((DVector::from_fn(size, first), DMatrix::from_fn(size, size, both)))
     }
 
     /// The noises at the maximum of the likelihood of the readings and of what the user believes, found sensor by sensor; those of other

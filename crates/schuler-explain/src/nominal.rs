@@ -748,7 +748,7 @@ impl Block {
                         Geometry::Loop(_) | Geometry::Direct => space.seen[at + i] = group.seen[i],
                     }
                 }
-                if place > 0 {
+                if navigation > 0 && place > 0 {
                     inside.push((place, at, group));
                 }
                 at += group.size;
@@ -756,10 +756,9 @@ impl Block {
         }
         if let Geometry::Loop(step) = &self.geometry {
             step.drive(&mut space, &inside, self.step_s);
-        }
-        for (place, &source) in self.sources.iter().enumerate() {
-            if let (Geometry::Loop(step), true) = (&self.geometry, place > 0) {
-                let port = if place == 1 { Port::Accelerometer } else { Port::Gyro };
+            for (port, &source) in
+                [Port::Accelerometer, Port::Gyro].into_iter().zip(self.sources.iter().skip(1))
+            {
                 let variance = noises[source].white * noises[source].white;
                 if let (Some(enters), true) = (step.of_port(port), variance > 0.0) {
                     for i in 0..2 {

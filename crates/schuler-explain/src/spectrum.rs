@@ -45,6 +45,40 @@ pub struct Derivatives {
     pub curvature: DMatrix<f64>,
 }
 
+impl Derivatives {
+    /// Of nothing yet, by so many parameters.
+    pub fn zeros(size: usize) -> Self {
+        Self { slopes: DVector::zeros(size), curvature: DMatrix::zeros(size, size) }
+    }
+
+    /// Adds a band. Its log-likelihood has, with the sign turned, the derivatives `first` by the power of a parameter's source and `both` by
+    /// those of two parameters.
+    pub fn add(
+        &mut self,
+        powers: &PowerDerivatives,
+        first: impl Fn(usize) -> f64,
+        both: impl Fn(usize, usize) -> f64,
+    ) {
+        let PowerDerivatives { slopes, second } = powers;
+        for i in 0..slopes.len() {
+            for j in 0..=i {
+                self.curvature[(i, j)] += slopes[i] * slopes[j] * both(i, j);
+            }
+            self.slopes[i] -= slopes[i] * first(i);
+        }
+        for &(i, j, second) in second {
+            self.curvature[(i, j)] += first(i) * second;
+        }
+    }
+
+    /// The same with both halves of the curvature; `None` where they are not finite.
+    pub fn finished(mut self) -> Option<Self> {
+        self.curvature.fill_upper_triangle_with_lower_triangle();
+        let finite = self.slopes.iter().chain(self.curvature.iter()).all(|value| value.is_finite());
+        finite.then_some(self)
+    }
+}
+
 /// Noises beside those at which derivatives by the logarithms of some of their parameters are taken: differences are taken of the powers of
 /// single sources.
 pub struct Moved<'n> {
@@ -229,36 +263,25 @@ impl Spectrum {
         knobs: &[(usize, Knob)],
         step: f64,
     ) -> Option<Derivatives> {
-        let size = knobs.len();
         let moved = Moved::new(noises, knobs, step);
         let places: Vec<usize> = (knobs.iter())
             .map(|(source, _)| block.sources.iter().position(|own| own == source))
             .collect::<Option<_>>()?;
         let step_s = block.step_s();
-        let mut slopes = DVector::<f64>::zeros(size);
-        let mut curvature = DMatrix::<f64>::zeros(size, size);
+        let mut derivatives = Derivatives::zeros(knobs.len());
         for band in &self.bands {
-            let PowerDerivatives { slopes: slope, second } = moved.at(band.omega, step_s);
             let enters = DMatrix::from_fn(block.channels, places.len(), |c, i| band.transfer[places[i]][c]);
             let solved = self.model(block, band, noises).cholesky()?.solve(&enters);
             let reach = enters.ad_mul(&solved);
             let shown = solved.ad_mul(&(&band.estimate * &solved));
-            let left = |i: usize, j: usize| band.weight * (reach[(i, j)].re - shown[(i, j)].re);
-            for i in 0..size {
-                for j in 0..=i {
-                    let (a, b) = (reach[(i, j)], shown[(i, j)]);
-                    let both = 2.0 * (a * b.conj()).re - a.norm_sqr();
-                    curvature[(i, j)] += band.weight * slope[i] * slope[j] * both;
-                }
-                slopes[i] -= slope[i] * left(i, i);
-            }
-            for (i, j, second) in second {
-                curvature[(i, j)] += left(i, j) * second;
-            }
+            let first = |i: usize| band.weight * (reach[(i, i)].re - shown[(i, i)].re);
+            let both = |i: usize, j: usize| {
+                let (a, b) = (reach[(i, j)], shown[(i, j)]);
+                band.weight * (2.0 * (a * b.conj()).re - a.norm_sqr())
+            };
+            derivatives.add(&moved.at(band.omega, step_s), first, both);
         }
-        curvature.fill_upper_triangle_with_lower_triangle();
-        let finite = slopes.iter().chain(curvature.iter()).all(|value| value.is_finite());
-        finite.then_some(Derivatives { slopes, curvature })
+        derivatives.finished()
     }
 
     /// The likelihood as it changes with the noise of `source` alone; `None` where the present noises are singular.

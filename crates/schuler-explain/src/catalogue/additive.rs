@@ -93,19 +93,20 @@ pub(super) const BIAS_WARMUP: Effect = Effect {
         }
         let Some(tau) = time_constant(inputs, 60.0, 6.0 * 3600.0) else { return Vec::new() };
         // Where readings are missing for long it may have been switched off, or have gone on unrecorded.
-        let unrecorded = ("before the record", inputs.time_s.clone());
-        let off = ("again after each long gap", inputs.since_switch_on_s().into());
-        let has_gaps = inputs.run_starts.len() > 1;
+        let mut ways: Vec<(&str, Series)> = vec![("before the record", inputs.time_s.clone())];
+        if inputs.run_starts.len() > 1 {
+            ways.push(("again after each long gap", inputs.since_switch_on_s().into()));
+        }
         at_each_instrument_place(effect, inputs, |place| {
             let plausible = Plausible::inertial([0.05, 5.0], [10.0, 300.0]);
-            let counted = |(name, since): (&str, Series)| {
+            let counted = |(name, since): &(&str, Series)| {
+                let since = since.clone();
                 let amplitude = coefficient(place, ITSELF, plausible);
                 let values = move |tau: f64| map(&since, |t| (-t / tau).exp());
                 let draft = Draft::grid(place, tau.clone(), amplitude, values);
-                if has_gaps { draft.with("switched_on", name) } else { draft }
+                if ways.len() > 1 { draft.with("switched_on", *name) } else { draft }
             };
-            let ways = [unrecorded.clone(), off.clone()];
-            ways.into_iter().take(if has_gaps { 2 } else { 1 }).map(counted).collect()
+            ways.iter().map(counted).collect()
         })
     },
 };
