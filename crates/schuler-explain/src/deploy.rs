@@ -551,10 +551,8 @@ position_m = [0.0, 0.1, 0.0]
         let number = Parameter {
             name: "coefficient".into(),
             value: Some(value),
-            sigma: None,
             unit: Some(unit.into()),
-            text: None,
-            plausible: None,
+            ..Parameter::default()
         };
         let word = |(name, text): &(&str, &str)| Parameter {
             name: (*name).to_owned(),

@@ -239,7 +239,7 @@ fn explained<S>(
         &mut findings,
         of_readings(recording, case, &selection.family, &faults.found, options.level),
     );
-    findings.sort_by(|a, b| b.evidence.gain_nats.total_cmp(&a.evidence.gain_nats));
+    in_order(&mut findings);
     let located = locate::locate(case, &selection.null, inputs);
     let (left, remainder) = locate::left(case, &selection.state, inputs);
     unless_cancelled(watch)?;
@@ -625,7 +625,7 @@ fn of_readings(
                     _ => (value, None, "1"),
                 };
                 let (value, unit) = (Some(value), Some(unit.to_owned()));
-                Parameter { name: name.to_owned(), value, sigma, unit, text: None, plausible: None }
+                Parameter { name: name.to_owned(), value, sigma, unit, ..Parameter::default() }
             })
             .collect();
         let interval_s = [at(fault.rows.0), at(fault.rows.1.saturating_sub(1)) + case.model.step_s];
@@ -791,11 +791,19 @@ fn findings<'c>(
             let mut findings: Vec<Finding> = (found.par_iter().zip(shown))
                 .map(|(found, (shown, less))| finding(case, selection, found, &less, shown))
                 .collect();
-            findings.sort_by(|a, b| b.evidence.gain_nats.total_cmp(&a.evidence.gain_nats));
+            in_order(&mut findings);
             return findings;
         };
         take_back(case, selection, &mut found, weakest);
     }
+}
+
+/// What was left out before stated numbers that are put right, of each the one with the most evidence first.
+fn in_order(findings: &mut [Finding]) {
+    findings.sort_by(|a, b| {
+        let by_evidence = b.evidence.gain_nats.total_cmp(&a.evidence.gain_nats);
+        a.corrects_stated().cmp(&b.corrects_stated()).then(by_evidence)
+    });
 }
 
 /// An item, what it showed when it was selected, the ways to describe it, the best first, and the state without it.

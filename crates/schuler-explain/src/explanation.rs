@@ -14,7 +14,8 @@ pub struct Explanation {
     pub format: &'static str,
     /// What came of it.
     pub verdict: Verdict,
-    /// The findings, the one with the most evidence first.
+    /// The findings, the one with the most evidence first, after all that was left out what only
+    /// [corrects](Finding::corrects_stated) a stated number.
     pub findings: Vec<Finding>,
     /// How well the record is described before and after, where it was fitted and where it was held out.
     pub fit: Fit,
@@ -67,11 +68,25 @@ pub struct Finding {
     pub rivals: Vec<Rival>,
 }
 
+/// A stated number is stated nearly right within this factor.
+const NEARLY: f64 = 1.25;
+
+impl Finding {
+    /// Whether nothing was left out and only the numbers of a noise that the case states, all nearly right, are put right.
+    pub fn corrects_stated(&self) -> bool {
+        let is_near = |parameter: &Parameter| {
+            let ratio = parameter.value.zip(parameter.stated).map(|(value, stated)| value / stated);
+            ratio.is_some_and(|ratio| (NEARLY.recip()..=NEARLY).contains(&ratio))
+        };
+        !self.parameters.is_empty() && self.parameters.iter().all(is_near)
+    }
+}
+
 /// A fitted number, or a word that says which of several (a column, an axis).
 ///
 /// In the answer each has the keys `name`, `value`, `sigma` and `unit`: a word is a `value` without the last two, which are
 /// null then.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Parameter {
     /// Name.
     pub name: String,
@@ -85,11 +100,13 @@ pub struct Parameter {
     pub text: Option<String>,
     /// Whether the value lies within the catalogue's plausible magnitude; absent where that is not known.
     pub plausible: Option<bool>,
+    /// What the case states in its place, in `unit`, where it is of a noise that the case states.
+    pub stated: Option<f64>,
 }
 
 impl Serialize for Parameter {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let keys = 4 + usize::from(self.plausible.is_some());
+        let keys = 4 + usize::from(self.plausible.is_some()) + usize::from(self.stated.is_some());
         let mut written = serializer.serialize_struct("Parameter", keys)?;
         written.serialize_field("name", &self.name)?;
         match &self.text {
@@ -100,6 +117,9 @@ impl Serialize for Parameter {
         written.serialize_field("unit", &self.unit)?;
         if let Some(plausible) = self.plausible {
             written.serialize_field("plausible", &plausible)?;
+        }
+        if let Some(stated) = self.stated {
+            written.serialize_field("stated", &stated)?;
         }
         written.end()
     }
@@ -224,21 +244,48 @@ pub struct Remainder {
 
 #[cfg(test)]
 mod tests {
-    use super::Parameter;
+    use super::{Evidence, Finding, Parameter};
+
+    fn number(value: f64, stated: Option<f64>) -> Parameter {
+        Parameter {
+            name: "sigma".to_owned(),
+            value: Some(value),
+            unit: Some("K".to_owned()),
+            stated,
+            ..Parameter::default()
+        }
+    }
 
     #[test]
     fn every_parameter_has_the_keys_of_the_format() {
-        let axis = Parameter {
-            name: "axis".to_owned(),
-            value: None,
-            sigma: None,
-            unit: None,
-            text: Some("y".to_owned()),
-            plausible: None,
-        };
-        let number = Parameter { value: Some(2.5), unit: Some("K".to_owned()), text: None, ..axis.clone() };
+        let axis = Parameter { name: "axis".to_owned(), text: Some("y".to_owned()), ..Parameter::default() };
         let written = |parameter: &Parameter| serde_json::to_string(parameter).unwrap();
         assert_eq!(written(&axis), r#"{"name":"axis","value":"y","sigma":null,"unit":null}"#);
-        assert_eq!(written(&number), r#"{"name":"axis","value":2.5,"sigma":null,"unit":"K"}"#);
+        let (plain, stated) = (number(2.5, None), number(2.5, Some(2.0)));
+        assert_eq!(written(&plain), r#"{"name":"sigma","value":2.5,"sigma":null,"unit":"K"}"#);
+        assert_eq!(written(&stated), r#"{"name":"sigma","value":2.5,"sigma":null,"unit":"K","stated":2.0}"#);
+    }
+
+    #[test]
+    fn only_stated_numbers_that_are_nearly_right_are_corrected() {
+        let corrects = |parameters: Vec<Parameter>| {
+            let finding = Finding {
+                sensor: "gyro_x".to_owned(),
+                effect: "noise_markov".to_owned(),
+                class: vec![],
+                interval_s: [0.0, 1.0],
+                parameters,
+                evidence: Evidence { gain_nats: 20.0, p_value: 1e-6 },
+                sentence: String::new(),
+                noise_shift: vec![],
+                rivals: vec![],
+            };
+            finding.corrects_stated()
+        };
+        assert!(corrects(vec![number(1.1, Some(1.0)), number(0.85, Some(1.0))]));
+        assert!(!corrects(vec![number(1.1, Some(1.0)), number(0.75, Some(1.0))]));
+        assert!(!corrects(vec![number(1.3, Some(1.0))]));
+        assert!(!corrects(vec![number(1.1, Some(1.0)), number(1.0, None)]));
+        assert!(!corrects(vec![]));
     }
 }

@@ -120,8 +120,8 @@ pub fn of_term(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter> {
             value: Some(value),
             sigma: Some(covariance[(index, index)].max(0.0).sqrt() * amplitude.in_unit.abs()),
             unit: Some(amplitude.unit.clone()),
-            text: None,
             plausible: amplitude.plausible.map(|[low, high]| value.abs() >= low && value.abs() <= high),
+            ..Parameter::default()
         });
     }
     for (axis, (name, unit)) in nonlinear_names(candidate).into_iter().enumerate() {
@@ -130,8 +130,7 @@ pub fn of_term(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter> {
             value: Some(term.nonlinear[axis]),
             sigma: Some(of_nonlinear[(axis, axis)].sqrt()),
             unit: Some(unit.to_owned()),
-            text: None,
-            plausible: None,
+            ..Parameter::default()
         });
     }
     parameters.extend(of_stays(candidate, term, case.model.step_s));
@@ -193,8 +192,7 @@ fn of_stays(candidate: &Candidate, term: &Term, step_s: f64) -> Vec<Parameter> {
         value: Some(mean_s),
         sigma: Some(sigma_s),
         unit: Some("s".to_owned()),
-        text: None,
-        plausible: None,
+        ..Parameter::default()
     });
     stays.to_vec()
 }
@@ -202,11 +200,8 @@ fn of_stays(candidate: &Candidate, term: &Term, step_s: f64) -> Vec<Parameter> {
 fn texts(candidate: &Candidate) -> impl Iterator<Item = Parameter> + '_ {
     candidate.variant.iter().map(|(name, text)| Parameter {
         name: (*name).to_owned(),
-        value: None,
-        sigma: None,
-        unit: None,
         text: Some(text.clone()),
-        plausible: None,
+        ..Parameter::default()
     })
 }
 
@@ -326,7 +321,7 @@ fn sigmas_of_logs(observations: Observations<'_>, noises: &[Noise], free: &[Sour
     DVector::from_fn(free.len(), |i, _| covariance[(i, i)].max(0.0).sqrt())
 }
 
-/// The parameters of a noise change of `state`, and the standard deviations of all free parameters of its block.
+/// The parameters of a noise change of `state`, beside what the case states in their place.
 pub fn of_change(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter> {
     let change = &state.changes[place];
     let source = &case.model.sources[change.source];
@@ -351,10 +346,8 @@ pub fn of_change(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter>
         parameters.push(Parameter {
             name: "above".to_owned(),
             value: Some(value),
-            sigma: None,
             unit: Some(loudness.unit.to_owned()),
-            text: None,
-            plausible: None,
+            ..Parameter::default()
         });
     }
     if let Some(step) = step
@@ -379,8 +372,7 @@ pub fn of_change(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter>
             value: case.time_s.get(first).copied(),
             sigma,
             unit: Some("s".to_owned()),
-            text: None,
-            plausible: None,
+            ..Parameter::default()
         });
     }
     // The levels of Markov parts that an exponential-cosine takes the place of are among the changes of the noise.
@@ -389,6 +381,8 @@ pub fn of_change(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter>
     };
     for &knob in change.knobs.iter().filter(|knob| !replaced(knob)) {
         let value = state.noises[change.source].get(knob);
+        let is_stated = !source.unknown && knob != Knob::StepRatio && source.nominal.has_shape(knob);
+        let stated = Some(source.nominal.get(knob)).filter(|stated| is_stated && *stated > 0.0);
         let place = free.iter().position(|&other| other == (change.source, knob));
         let relative = place.zip(sigmas.as_ref()).map(|(place, sigmas)| sigmas[place]);
         let scale = if knob.in_sensor_unit() { in_si.recip() } else { 1.0 };
@@ -402,8 +396,8 @@ pub fn of_change(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter>
             value: Some(value * scale),
             sigma: relative.map(|relative| relative * value * scale),
             unit: Some(unit),
-            text: None,
-            plausible: None,
+            stated: stated.map(|stated| stated * scale),
+            ..Parameter::default()
         });
     }
     parameters.extend(texts(candidate));

@@ -57,7 +57,7 @@ pub fn sentence(
             match (parameter.value, &parameter.text) {
                 (Some(value), _) => {
                     let unit = parameter.unit.as_deref().unwrap_or_default();
-                    format!("{label}{}", with_sigma(value, parameter.sigma, unit))
+                    format!("{label}{}{}", with_sigma(value, parameter.sigma, unit), of_stated(parameter))
                 }
                 (None, Some(text)) => format!("{label}{text}"),
                 (None, None) => label,
@@ -69,6 +69,12 @@ pub fn sentence(
     } else {
         format!("{since}{said}: {}.", numbers.join(", "))
     }
+}
+
+/// How many times what the case states a parameter is, where it states it.
+pub fn of_stated(parameter: &Parameter) -> String {
+    let ratio = parameter.value.zip(parameter.stated).map(|(value, stated)| value / stated);
+    ratio.map_or_else(String::new, |ratio| format!(" ({ratio:.2} × stated)"))
 }
 
 /// A value with its standard deviation, to the digits that the latter leaves.
@@ -106,7 +112,7 @@ mod tests {
 
     fn delay(value: f64) -> Vec<Parameter> {
         let (name, unit) = ("delay_s".to_owned(), Some("s".to_owned()));
-        vec![Parameter { name, value: Some(value), sigma: Some(0.01), unit, text: None, plausible: None }]
+        vec![Parameter { name, value: Some(value), sigma: Some(0.01), unit, ..Parameter::default() }]
     }
 
     #[test]
@@ -119,10 +125,24 @@ mod tests {
     }
 
     #[test]
+    fn what_the_case_states_is_compared_with() {
+        let sigma = Parameter {
+            name: "sigma".to_owned(),
+            value: Some(0.0252),
+            sigma: Some(0.0002),
+            unit: Some("deg/s".to_owned()),
+            stated: Some(0.024),
+            ..Parameter::default()
+        };
+        assert_eq!(of_stated(&sigma), " (1.05 × stated)");
+        assert_eq!(of_stated(&Parameter { stated: None, ..sigma }), "");
+    }
+
+    #[test]
     fn what_a_noise_level_goes_with_is_said() {
         let effect = CATALOGUE.iter().find(|effect| effect.id == "noise_variance_step").expect("a row");
         let (name, text) = (QUANTITY.to_owned(), Some("turn rate".to_owned()));
-        let quantity = Parameter { name, value: None, sigma: None, unit: None, text, plausible: None };
+        let quantity = Parameter { name, text, ..Parameter::default() };
         assert_eq!(said(effect, "log", &[]), "log changes its noise level");
         assert_eq!(said(effect, "log", &[quantity]), "log changes its noise level with the turn rate");
     }

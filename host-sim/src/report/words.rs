@@ -5,7 +5,7 @@ use schuler_explain::catalogue::{CATALOGUE, Effect};
 use schuler_explain::explanation::{
     BeforeAfter, Finding, Located, NoiseShift, Parameter, Remainder, Rival, Verdict,
 };
-use schuler_explain::sentence::{quoted as quoted_parameters, said};
+use schuler_explain::sentence::{of_stated, quoted as quoted_parameters, said};
 
 use super::Report;
 use super::number::{duration, plain, printed_unit, probability, quoted};
@@ -80,7 +80,10 @@ fn parameter(parameter: &Parameter, alone: bool) -> String {
 pub(super) fn value(parameter: &Parameter) -> String {
     match (&parameter.text, parameter.value) {
         (Some(text), _) => text.clone(),
-        (None, Some(value)) => quoted(value, parameter.sigma, parameter.unit.as_deref().unwrap_or_default()),
+        (None, Some(value)) => {
+            let unit = parameter.unit.as_deref().unwrap_or_default();
+            quoted(value, parameter.sigma, unit) + &of_stated(parameter)
+        }
         (None, None) => "not fitted".to_owned(),
     }
 }
@@ -385,8 +388,8 @@ mod tests {
                 value: Some(1.9012),
                 sigma: Some(0.0401),
                 unit: Some("deg/h/(K/h)".into()),
-                text: None,
                 plausible: Some(true),
+                ..Parameter::default()
             }],
             evidence: Evidence { gain_nats: 812.4, p_value: 1e-12 },
             sentence: "gyro_x drifts with the rate of its temperature".into(),
@@ -478,16 +481,13 @@ mod tests {
             value: Some(600.0),
             sigma: Some(20.0),
             unit: Some("s".into()),
-            text: None,
             plausible: Some(false),
+            ..Parameter::default()
         });
         it.parameters.push(Parameter {
             name: "column".into(),
-            value: None,
-            sigma: None,
-            unit: None,
             text: Some("temp_x".into()),
-            plausible: None,
+            ..Parameter::default()
         });
         let said = finding(&it, 86_400.0);
         assert!(

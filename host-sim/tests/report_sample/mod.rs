@@ -69,7 +69,7 @@ impl Noise {
 
 fn parameter(name: &str, value: f64, sigma: f64, unit: &str, plausible: Option<bool>) -> Parameter {
     let (value, sigma, unit) = (Some(value), Some(sigma), Some(unit.to_owned()));
-    Parameter { name: name.into(), value, sigma, unit, text: None, plausible }
+    Parameter { name: name.into(), value, sigma, unit, plausible, ..Parameter::default() }
 }
 
 /// The report of the day; the gyros' names begin with `prefix`, and so does its title.

@@ -11,6 +11,7 @@ class Parameter(TypedDict):
     sigma: float | None
     unit: str | None
     plausible: NotRequired[bool]
+    stated: NotRequired[float]
 
 
 class Evidence(TypedDict):
