@@ -114,7 +114,9 @@ impl Place {
         let block = model.block_of(sensor)?;
         let source = model.source_of(sensor, Port::Output)?;
         let (part, gain) = bench.view(block)?.further_markov(source, &model.sources[source])?;
-        (gain >= WORTH_TRYING).then_some(Self { candidate: index, sensor, block, part, gain })
+        // One that is gone before the next row is white noise.
+        let stays = part.tau_s >= model.step_s;
+        (gain >= WORTH_TRYING && stays).then_some(Self { candidate: index, sensor, block, part, gain })
     }
 
     fn term(&self, on: &[bool]) -> Term {

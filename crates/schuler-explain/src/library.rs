@@ -19,14 +19,17 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
-use crate::catalogue::{Candidate, OnsetShape, Search, Signature};
+use crate::catalogue::{Candidate, Column, OnsetShape, Port, Search, Signature};
 use crate::description::{Delays, Term, columns, sensors_of};
+use crate::inputs::series::Series;
 use crate::least_squares::{dot, solve, solve_seen};
 use crate::nominal::{Block, Model};
 use crate::price::{continuous, ln_number_of_mean, ln_places_at};
 use crate::state::{Bench, Described, Whitened};
 use crate::statistics::ln_chi_squared_tail;
 
+/// Ports of a sensor.
+const PORTS: usize = 3;
 /// Rows that are multiplied at a time.
 const TILE_ROWS: usize = 1024;
 /// Columns that are whitened at a time by each thread.
@@ -672,8 +675,9 @@ struct Builder<'b> {
     products: Arc<Products>,
     /// Places of the data and of the regressors among all that was described.
     described: Vec<usize>,
-    /// R⁻¹ of the data, and of the regressors, where it was asked for.
+    /// R⁻¹ of the data, and of the regressors, where it was asked for; and what it is by the readings of each sensor at each port.
     adjoints: Vec<OnceLock<Vec<f64>>>,
+    at_sensors: Vec<OnceLock<Option<Vec<f64>>>>,
     ids: Vec<usize>,
     scores: Vec<f64>,
     with_regressors: Vec<Vec<f64>>,
@@ -694,6 +698,7 @@ impl<'b> Builder<'b> {
             signs,
             described: products.places(bench.case.described(index, &bench.terms)),
             adjoints: vec![OnceLock::new(); whitened.columns.len()],
+            at_sensors: vec![OnceLock::new(); whitened.columns.len() * block.sensors.len() * PORTS],
             products,
             ids: Vec::new(),
             scores: Vec::new(),
@@ -728,34 +733,29 @@ impl<'b> Builder<'b> {
 
     /// Takes entries with their signatures, which are whitened and multiplied where that was not done before.
     fn take(&mut self, entries: &[&Entry], candidates: &[Candidate], signatures: &[Cow<'_, Signature>]) {
-        let block = self.block;
-        let reached: Vec<Reached<'_>> = (entries.iter().zip(signatures))
-            .map(|(entry, signature)| {
-                let port = candidates[entry.candidate].port;
-                let columns = signature.columns.iter().enumerate().take(entry.columns);
-                columns.filter_map(|(place, column)| Some((place, block.project(column, port)?))).collect()
-            })
-            .collect();
         let known: Vec<Option<OfEntry>> = {
             let all = self.products.known();
             entries.iter().map(|entry| all.entries.get(&(entry.candidate, entry.number)).cloned()).collect()
         };
         let asked = |known: &Option<OfEntry>| !known.as_ref().is_some_and(|known| self.is_sketched(known));
-        let unknown: Vec<&[f64]> = (reached.iter().zip(&known).filter(|(_, known)| asked(known)))
-            .flat_map(|(columns, _)| columns.iter().map(|(_, values)| values.as_ref()))
+        // Those that are to be whitened.
+        let reached: Vec<Reached<'_>> = ((entries, signatures, &known).into_par_iter())
+            .map(
+                |(entry, signature, known)| {
+                    if asked(known) { self.reached(entry, candidates, signature) } else { Vec::new() }
+                },
+            )
             .collect();
+        let unknown: Vec<&[f64]> =
+            reached.iter().flat_map(|columns| columns.iter().map(|(_, values)| values.as_ref())).collect();
         let mut whitened = (unknown.par_chunks(BATCH))
             .flat_map_iter(|batch| self.whitened.filter.whiten_single(batch))
             .collect::<Vec<Vec<f32>>>()
             .into_iter();
-        let own: Vec<Vec<Vec<f32>>> = (reached.iter().zip(&known))
-            .map(|(columns, known)| {
-                let number = if asked(known) { columns.len() } else { 0 };
-                whitened.by_ref().take(number).collect()
-            })
-            .collect();
-        let products: Vec<OfEntry> = ((&reached, known, own).into_par_iter())
-            .map(|(columns, known, own)| {
+        let own: Vec<Vec<Vec<f32>>> =
+            reached.iter().map(|columns| whitened.by_ref().take(columns.len()).collect()).collect();
+        let products: Vec<OfEntry> = ((entries, signatures, &reached, known, own).into_par_iter())
+            .map(|(entry, signature, columns, known, own)| {
                 let of = |place: usize| -> Vec<f64> {
                     own[..=place].iter().map(|other| tiled_dot(&own[place], other)).collect()
                 };
@@ -769,16 +769,51 @@ impl<'b> Builder<'b> {
                     let sketches = own.iter().map(|column| sketch(column, self.signs)).collect();
                     products.sketches = Some(Arc::new(sketches));
                 }
+                let port = candidates[entry.candidate].port;
                 for (number, place) in self.described.iter().enumerate() {
-                    let with =
-                        || columns.iter().map(|(_, values)| dot(values, self.adjoint(number))).collect();
-                    products.with.entry(*place).or_insert_with(with);
+                    let with = |place: &usize| self.with(number, &signature.columns[*place], port);
+                    let columns = &products.columns;
+                    products.with.entry(*place).or_insert_with(|| columns.iter().map(with).collect());
                 }
                 products
             })
             .collect();
         self.products.learn(entries, products);
         self.recall(entries);
+    }
+
+    /// The columns of an entry that reach the block.
+    fn reached<'s>(&self, entry: &Entry, candidates: &[Candidate], signature: &'s Signature) -> Reached<'s> {
+        let port = candidates[entry.candidate].port;
+        let columns = signature.columns.iter().enumerate().take(entry.columns);
+        columns.filter_map(|(place, column)| Some((place, self.block.project(column, port)?))).collect()
+    }
+
+    /// The product of a column with the data, which come first, or with a regressor: by what these are at the sensors, so that the channels need
+    /// not be made of it.
+    fn with(&self, number: usize, column: &Column, port: Port) -> f64 {
+        let rows = self.block.rows();
+        let of_part = |(sensor, values): &(usize, Series)| {
+            (values.len() == rows).then(|| Some(dot(values, self.at_sensor(number, *sensor, port)?)))?
+        };
+        let reaches = |(sensor, _): &&(usize, Series)| self.block.sensors.contains(sensor);
+        let product: Option<f64> = column.parts.iter().filter(reaches).map(of_part).sum();
+        product.filter(|product| product.is_finite()).unwrap_or_else(|| {
+            // What is not a number counts as 0 in the channels.
+            let channels = self.block.project(column, port).unwrap_or_default();
+            dot(&channels, self.adjoint(number))
+        })
+    }
+
+    /// R⁻¹ of the data or of a regressor, by the readings of a sensor at a port; `None` where they do not reach the channels.
+    fn at_sensor(&self, number: usize, sensor: usize, port: Port) -> Option<&[f64]> {
+        if self.block.is_of_one_sensor() {
+            return Some(self.adjoint(number));
+        }
+        let place = self.block.sensors.iter().position(|&own| own == sensor)?;
+        let at = (number * self.block.sensors.len() + place) * PORTS + port as usize;
+        let compute = || self.block.back_project(self.adjoint(number), sensor, port);
+        self.at_sensors[at].get_or_init(compute).as_deref()
     }
 
     /// Takes entries whose products are known.

@@ -1677,6 +1677,61 @@ fn the_gain_of_a_finding_is_what_is_lost_without_it() {
     }
 }
 
+/// What all candidates gain by their sums of products is what each gains when it is whitened with the data by itself: of redundant sensors
+/// and inside a loop, beside what is described, and where a column is no number somewhere.
+#[test]
+fn gains_of_all_candidates_are_those_of_each() {
+    let length = ROWS as f64;
+    let waved = |row: usize| wave(row as f64, length);
+    let columns = |sensor: usize, port: Port| {
+        let linear = move |effect, value: &dyn Fn(usize) -> f64| Candidate {
+            port,
+            ..candidate(effect, sensor, Search::Linear(signature(sensor, (0..ROWS).map(value).collect())))
+        };
+        let unread = |row: usize| if (500..520).contains(&row) { f64::NAN } else { waved(row) };
+        vec![
+            linear(&TREND, &|row| row as f64 / length),
+            linear(&WAVE, &waved),
+            linear(&WAVE_RATE, if port == Port::Output { &unread } else { &waved }),
+        ]
+    };
+    let mut redundant = recording((0..5).map(|seed| noise(600 + seed, ROWS)).collect());
+    redundant.case.motion.kind = MotionKind::Unknown;
+    for (place, series) in redundant.sensors.iter_mut().enumerate() {
+        let (sin, cos) = (1.2 * place as f64).sin_cos();
+        series.sensor.axis = Some([0.6 * cos, 0.6 * sin, 0.8]);
+    }
+    let of = schuler_loop();
+    let kind = (SensorKind::InsVelocity, Unit::MetrePerSecond);
+    let velocity =
+        common::series("velocity", kind, [1.0, 0.0, 0.0], Nominal::default(), loop_noise(7, ROWS, &of));
+    let mut inside = common::recording(MotionKind::VelocityError, vec![velocity]);
+    inside.case.schuler_loop = Some(of);
+    let of_sensors = (0..5).flat_map(|sensor| columns(sensor, Port::Output)).collect();
+    let of_ports = [Port::Output, Port::Accelerometer, Port::Gyro]
+        .into_iter()
+        .flat_map(|port| columns(0, port))
+        .collect();
+    let cases: [(Recording, Vec<Candidate>); 2] = [(redundant, of_sensors), (inside, of_ports)];
+    for (recording, candidates) in &cases {
+        let model = Model::new(recording, &[]).unwrap();
+        let time_s: Vec<f64> = recording.elapsed_s().collect();
+        let case = Case::new(&model, candidates, &time_s, &Unwatched);
+        let term = |index: usize| Term::new(index, &candidates[index], &[], &time_s);
+        let bench = Bench::new(&case, &[term(1)], &model.nominal_noises());
+        let library = Library::new(&bench, Purpose::Gains, &|index| index != 1);
+        for (entry, told) in library.entries.iter().zip(library.gains()) {
+            let (gain, _) = bench.gain_of(&term(entry.candidate));
+            assert!(
+                (told.gain - gain).abs() < 1e-3 * (1.0 + gain),
+                "{} {} {gain}",
+                entry.candidate,
+                told.gain
+            );
+        }
+    }
+}
+
 /// Items that show nothing leave together, but not two that show nothing beside each other only.
 #[test]
 fn of_two_that_are_alike_one_stays_when_what_shows_nothing_leaves() {
