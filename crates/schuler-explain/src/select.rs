@@ -225,15 +225,27 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
             Way::Parts(block) => from(parts(case, &null, block), Vec::new(), way, &mut budget),
         };
         let found = (!walked.joined).then(|| valued(walked.found, &mut budget));
-        (found.filter(|(worth, _)| *worth > least), budget.exceeded)
+        (found.map(|found| (way, found.0 > least, found)), budget.exceeded)
     };
     let (found, exceeded): (Vec<_>, Vec<bool>) = others.into_par_iter().map(searched).unzip();
     let mut exceeded = budget.exceeded || exceeded.contains(&true);
-    let mut best =
-        found.into_iter().flatten().fold(straight, |best, other| if other.0 > best.0 { other } else { best });
+    let (mut best, mut of_terms) = (straight, None);
+    for (way, is_better, found) in found.into_iter().flatten() {
+        if is_better && found.0 > best.0 {
+            best = found;
+        } else if way == terms_first {
+            of_terms = Some(found.1);
+        }
+    }
     let mut pairs = Vec::new();
     for source in 0..case.model.sources.len() {
-        for (start, prices) in pairs_instead(case, &best.1, source, &family, ln_level, &mut for_pairs) {
+        let mut starts = pairs_instead(case, &best.1, source, &family, ln_level, &mut for_pairs);
+        let of_best = starts.len();
+        if let Some(found) = of_terms.as_ref().filter(|found| may_be_noise(case, &best.1.0, &found.0, source))
+        {
+            starts.extend(any_two_instead(case, found, source, &family, ln_level, &mut for_pairs));
+        }
+        for (place, (start, prices)) in starts.into_iter().enumerate() {
             let walked = from(start, prices, Way::Best, &mut for_pairs);
             if walked.joined {
                 continue;
@@ -241,7 +253,7 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
             let other = valued(walked.found, &mut for_pairs);
             if other.0 > best.0 + WORTH_OTHER_TERMS {
                 best = other;
-            } else {
+            } else if place < of_best {
                 pairs.extend(two_for_one(&best.1.0, &other.1.0, best.0 - other.0));
             }
         }
@@ -260,6 +272,15 @@ pub fn judged_again<'c>(case: &'c Case<'c>, selection: Selection<'_>, level: f64
     let (state, bench, prices) = pruned(case, state, prices, &family, level.ln());
     let shown = shown_up_to(case, &state, &prices, &family, f64::INFINITY);
     Selection { state, bench, family, shown, prices, pairs, null, exceeded }
+}
+
+/// Whether slow noise of a source is several terms in another description: together they look like it, and those that were found one after
+/// the other may have begun with one that looks like two of them.
+fn may_be_noise(case: &Case<'_>, with_noise: &State, of_terms: &State, source: usize) -> bool {
+    let is_slow =
+        |change: &Accepted| change.source == source && change.knobs.iter().any(|&knob| is_slow(knob));
+    let own = of_terms.terms.iter().filter(|term| is_of(case, term.candidate, source));
+    with_noise.changes.iter().any(is_slow) && own.count() > 1
 }
 
 /// Descriptions with two terms in the place of what a source has.
