@@ -798,11 +798,11 @@ fn findings<'c>(
     }
 }
 
-/// What was left out before stated numbers that are put right, of each the one with the most evidence first.
+/// Physics that was left out before what is none, of each the one with the most evidence first.
 fn in_order(findings: &mut [Finding]) {
     findings.sort_by(|a, b| {
         let by_evidence = b.evidence.gain_nats.total_cmp(&a.evidence.gain_nats);
-        a.corrects_stated().cmp(&b.corrects_stated()).then(by_evidence)
+        a.is_no_physics().cmp(&b.is_no_physics()).then(by_evidence)
     });
 }
 

@@ -14,8 +14,7 @@ pub struct Explanation {
     pub format: &'static str,
     /// What came of it.
     pub verdict: Verdict,
-    /// The findings, the one with the most evidence first, after all that was left out what only
-    /// [corrects](Finding::corrects_stated) a stated number.
+    /// The findings, the one with the most evidence first; [what is no physics](Finding::is_no_physics) stands after what is.
     pub findings: Vec<Finding>,
     /// How well the record is described before and after, where it was fitted and where it was held out.
     pub fit: Fit,
@@ -68,17 +67,21 @@ pub struct Finding {
     pub rivals: Vec<Rival>,
 }
 
+/// The effect that is isolated readings far from the others.
+const OUTLIERS: &str = "noise_outliers";
 /// A stated number is stated nearly right within this factor.
 const NEARLY: f64 = 1.25;
 
 impl Finding {
-    /// Whether nothing was left out and only the numbers of a noise that the case states, all nearly right, are put right.
-    pub fn corrects_stated(&self) -> bool {
+    /// Whether no physics was left out: isolated readings are set aside, or numbers of a noise that the case states, all nearly right, are put
+    /// right.
+    pub fn is_no_physics(&self) -> bool {
         let is_near = |parameter: &Parameter| {
             let ratio = parameter.value.zip(parameter.stated).map(|(value, stated)| value / stated);
             ratio.is_some_and(|ratio| (NEARLY.recip()..=NEARLY).contains(&ratio))
         };
-        !self.parameters.is_empty() && self.parameters.iter().all(is_near)
+        let corrects_stated = !self.parameters.is_empty() && self.parameters.iter().all(is_near);
+        corrects_stated || self.effect == OUTLIERS
     }
 }
 
@@ -267,11 +270,11 @@ mod tests {
     }
 
     #[test]
-    fn only_stated_numbers_that_are_nearly_right_are_corrected() {
-        let corrects = |parameters: Vec<Parameter>| {
+    fn spikes_and_stated_numbers_that_are_nearly_right_are_no_physics() {
+        let is_no_physics = |effect: &str, parameters: Vec<Parameter>| {
             let finding = Finding {
                 sensor: "gyro_x".to_owned(),
-                effect: "noise_markov".to_owned(),
+                effect: effect.to_owned(),
                 class: vec![],
                 interval_s: [0.0, 1.0],
                 parameters,
@@ -280,12 +283,14 @@ mod tests {
                 noise_shift: vec![],
                 rivals: vec![],
             };
-            finding.corrects_stated()
+            finding.is_no_physics()
         };
+        let corrects = |parameters| is_no_physics("noise_markov", parameters);
         assert!(corrects(vec![number(1.1, Some(1.0)), number(0.85, Some(1.0))]));
         assert!(!corrects(vec![number(1.1, Some(1.0)), number(0.75, Some(1.0))]));
         assert!(!corrects(vec![number(1.3, Some(1.0))]));
         assert!(!corrects(vec![number(1.1, Some(1.0)), number(1.0, None)]));
         assert!(!corrects(vec![]));
+        assert!(is_no_physics("noise_outliers", vec![number(4.0, None)]));
     }
 }

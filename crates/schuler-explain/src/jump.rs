@@ -12,7 +12,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 use schuler_recording::case::Markov;
 
-use crate::catalogue::{Candidate, Column, Port, ReadingFault, Search, Target};
+use crate::catalogue::{Candidate, Column, Port, Target};
 use crate::description::Term;
 use crate::inputs::series::Series;
 use crate::price::Price;
@@ -71,8 +71,7 @@ pub struct Decoded {
 /// A mean that jumps on and off, for each candidate of that kind.
 pub fn jumps(bench: &Bench<'_>, wanted: &(dyn Fn(usize) -> bool + Sync)) -> Vec<Proposal> {
     let candidates = bench.case.candidates.par_iter().enumerate().filter(|(index, candidate)| {
-        let jumps = matches!(candidate.search, Search::Readings(ReadingFault::IntermittentJump));
-        jumps && wanted(*index) && bench.terms.iter().all(|term| term.candidate != *index)
+        candidate.is_jump() && wanted(*index) && bench.terms.iter().all(|term| term.candidate != *index)
     });
     let mut places: Vec<Place> =
         candidates.filter_map(|(index, candidate)| Place::new(bench, index, candidate)).collect();
@@ -86,7 +85,7 @@ pub fn jumps(bench: &Bench<'_>, wanted: &(dyn Fn(usize) -> bool + Sync)) -> Vec<
 /// readings, and would show what noise that came later describes as well. None for a term of another kind.
 pub fn shown_beside(bench: &Bench<'_>, term: &Term) -> Option<f64> {
     let candidate = bench.case.candidates.get(term.candidate)?;
-    if !matches!(candidate.search, Search::Readings(ReadingFault::IntermittentJump)) {
+    if !candidate.is_jump() {
         return None;
     }
     let others: Vec<Term> =

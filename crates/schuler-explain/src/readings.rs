@@ -18,7 +18,7 @@ use schuler_recording::recording::SensorSeries;
 use statrs::function::erf::erf;
 use statrs::function::gamma::ln_gamma;
 
-use crate::catalogue::{Candidate, Column, Port, ReadingFault, Search};
+use crate::catalogue::{Candidate, Column, Port, ReadingFault};
 use crate::description::{Term, blocks_of, remainder};
 use crate::noise::Noise;
 use crate::nominal::{Block, Model, of_input};
@@ -205,10 +205,8 @@ fn jumps(
     for term in terms {
         let amplitude = amplitudes.get(first).copied().unwrap_or_default();
         first += term.amplitudes();
-        let is_jump = |candidate: &Candidate| {
-            matches!(candidate.search, Search::Readings(ReadingFault::IntermittentJump))
-        };
-        let parts = term.columns.first().filter(|_| candidates.get(term.candidate).is_some_and(is_jump));
+        let jumps_on = candidates.get(term.candidate).is_some_and(Candidate::is_jump);
+        let parts = term.columns.first().filter(|_| jumps_on);
         if let Some((sensor, on)) = parts.and_then(|column| column.parts.first()) {
             jumps.push((*sensor, on.iter().map(|on| amplitude * (1.0 - 2.0 * on)).collect()));
         }

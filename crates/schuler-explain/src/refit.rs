@@ -8,7 +8,7 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use crate::catalogue::{Candidate, NoiseChange, OnsetShape, ReadingFault, Search};
+use crate::catalogue::{Candidate, NoiseChange, OnsetShape, Search};
 use crate::description::{Term, nonlinear_names};
 use crate::explanation::Parameter;
 use crate::jump::mean_stays;
@@ -184,7 +184,7 @@ fn ramp_instead(case: &Case<'_>, term: &Term) -> Option<usize> {
 
 /// How long a mean that jumps stays on and off.
 fn of_stays(candidate: &Candidate, term: &Term, step_s: f64) -> Vec<Parameter> {
-    if !matches!(candidate.search, Search::Readings(ReadingFault::IntermittentJump)) {
+    if !candidate.is_jump() {
         return Vec::new();
     }
     let stays = mean_stays(term, step_s).map(|(name, mean_s, sigma_s)| Parameter {

@@ -178,8 +178,71 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
         forward(case, (start, prices), &family, ln_level, walk, budget)
     };
     let (best, _, prices) = &straight.1;
-    let mut others = Vec::new();
     let terms_first = if budget.exceeded { Way::TermsThenAllNoise } else { Way::TermsFirst };
+    let (others, [share, rest]) = ways_beside(case, best, terms_first, &mut budget);
+    let searched = |way: Way| {
+        let mut budget = if way == terms_first { share } else { rest };
+        let mut least = straight.0;
+        let walked = match way {
+            Way::Best | Way::TermsFirst | Way::TermsThenAllNoise => from_nothing(way, &visited, &mut budget),
+            Way::Without(candidate) => {
+                let (item, mut prices) = (item_of(best, candidate), prices.clone());
+                if let Some(Item::Term(place)) = item {
+                    prices.remove(place);
+                    least += WORTH_OTHER_TERMS;
+                }
+                let less = item.map_or_else(|| best.clone(), |item| without(case, best, item).0);
+                from(less, prices, way, &mut budget)
+            }
+            Way::Parts(block) => from(parts(case, &null, block), Vec::new(), way, &mut budget),
+        };
+        let of_terms = (way == terms_first).then(|| (walked.found.0.clone(), walked.found.2.clone()));
+        let found = (!walked.joined).then(|| valued(walked.found, &mut budget));
+        (found.filter(|(worth, _)| *worth > least), of_terms, budget.exceeded)
+    };
+    let searched: Vec<_> = others.into_par_iter().map(searched).collect();
+    let mut exceeded = budget.exceeded || searched.iter().any(|(.., exceeded)| *exceeded);
+    let (mut best, mut of_terms) = (straight, None);
+    for (found, with_terms, _) in searched {
+        best = found.filter(|found| found.0 > best.0).unwrap_or(best);
+        of_terms = of_terms.or(with_terms);
+    }
+    let mut pairs = Vec::new();
+    for source in 0..case.model.sources.len() {
+        let mut starts = pairs_instead(case, &best.1, source, &family, ln_level, &mut for_pairs);
+        let of_best = starts.len();
+        if let Some(with_terms) = of_terms.as_ref().filter(|it| may_be_noise(case, &best.1.0, &it.0, source))
+        {
+            starts.extend(any_two_instead(case, with_terms, source, &family, ln_level, &mut for_pairs));
+        }
+        for (place, (start, prices)) in starts.into_iter().enumerate() {
+            let walked = from(start, prices, Way::Best, &mut for_pairs);
+            if walked.joined {
+                continue;
+            }
+            let other = valued(walked.found, &mut for_pairs);
+            if other.0 > best.0 + WORTH_OTHER_TERMS {
+                best = other;
+            } else if place < of_best {
+                pairs.extend(two_for_one(&best.1.0, &other.1.0, best.0 - other.0));
+            }
+        }
+    }
+    exceeded |= for_pairs.exceeded;
+    let (_, (state, bench, prices)) = best;
+    pairs.retain(|pair| pair.stands_beside(&state));
+    let shown = shown_up_to(case, &state, &prices, &family, f64::INFINITY);
+    Selection { state, bench, family, shown, prices, pairs, null, exceeded }
+}
+
+/// The ways that a search goes beside that which led to `best`, and the budgets of the one that takes terms first and of each other.
+fn ways_beside(
+    case: &Case<'_>,
+    best: &State,
+    terms_first: Way,
+    budget: &mut Budget,
+) -> (Vec<Way>, [Budget; 2]) {
+    let mut others = Vec::new();
     if !best.changes.is_empty() {
         others.push(terms_first);
     }
@@ -208,61 +271,7 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
     }
     // The last entered showed least.
     others.extend(left.into_iter().rev().take(affordable.unwrap_or_default()));
-    let searched = |way: Way| {
-        let mut budget = if way == terms_first { share } else { rest };
-        let mut least = straight.0;
-        let walked = match way {
-            Way::Best | Way::TermsFirst | Way::TermsThenAllNoise => from_nothing(way, &visited, &mut budget),
-            Way::Without(candidate) => {
-                let (item, mut prices) = (item_of(best, candidate), prices.clone());
-                if let Some(Item::Term(place)) = item {
-                    prices.remove(place);
-                    least += WORTH_OTHER_TERMS;
-                }
-                let less = item.map_or_else(|| best.clone(), |item| without(case, best, item).0);
-                from(less, prices, way, &mut budget)
-            }
-            Way::Parts(block) => from(parts(case, &null, block), Vec::new(), way, &mut budget),
-        };
-        let found = (!walked.joined).then(|| valued(walked.found, &mut budget));
-        (found.map(|found| (way, found.0 > least, found)), budget.exceeded)
-    };
-    let (found, exceeded): (Vec<_>, Vec<bool>) = others.into_par_iter().map(searched).unzip();
-    let mut exceeded = budget.exceeded || exceeded.contains(&true);
-    let (mut best, mut of_terms) = (straight, None);
-    for (way, is_better, found) in found.into_iter().flatten() {
-        if is_better && found.0 > best.0 {
-            best = found;
-        } else if way == terms_first {
-            of_terms = Some(found.1);
-        }
-    }
-    let mut pairs = Vec::new();
-    for source in 0..case.model.sources.len() {
-        let mut starts = pairs_instead(case, &best.1, source, &family, ln_level, &mut for_pairs);
-        let of_best = starts.len();
-        if let Some(found) = of_terms.as_ref().filter(|found| may_be_noise(case, &best.1.0, &found.0, source))
-        {
-            starts.extend(any_two_instead(case, found, source, &family, ln_level, &mut for_pairs));
-        }
-        for (place, (start, prices)) in starts.into_iter().enumerate() {
-            let walked = from(start, prices, Way::Best, &mut for_pairs);
-            if walked.joined {
-                continue;
-            }
-            let other = valued(walked.found, &mut for_pairs);
-            if other.0 > best.0 + WORTH_OTHER_TERMS {
-                best = other;
-            } else if place < of_best {
-                pairs.extend(two_for_one(&best.1.0, &other.1.0, best.0 - other.0));
-            }
-        }
-    }
-    exceeded |= for_pairs.exceeded;
-    let (_, (state, bench, prices)) = best;
-    pairs.retain(|pair| pair.stands_beside(&state));
-    let shown = shown_up_to(case, &state, &prices, &family, f64::INFINITY);
-    Selection { state, bench, family, shown, prices, pairs, null, exceeded }
+    (others, [share, rest])
 }
 
 /// What was selected, judged in another case of the same candidates: what is no longer significant leaves.
@@ -292,7 +301,9 @@ fn pairs_instead(
     ln_level: f64,
     budget: &mut Budget,
 ) -> Vec<Start> {
-    let mut starts = any_two_instead(case, found, source, family, ln_level, budget);
+    let (state, _, prices) = found;
+    let start = (state.clone(), prices.clone());
+    let mut starts = any_two_instead(case, &start, source, family, ln_level, budget);
     starts.extend(beside_a_constant(case, found, source, family, ln_level, budget));
     starts
 }
@@ -304,7 +315,7 @@ fn pairs_instead(
 /// noise stay: slow noise is imitated by whatever shapes it takes.
 fn any_two_instead(
     case: &Case<'_>,
-    (state, _, prices): &Found<'_>,
+    (state, prices): &Start,
     source: usize,
     family: &Family,
     ln_level: f64,
@@ -644,7 +655,10 @@ fn forward<'c>(
         proposals.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         let mut chosen = None;
         if terms_only {
-            chosen = choose(case, &state, &bench, family, (proposals, &[], &wanted), ln_level);
+            // A mean that comes and goes follows whatever several terms do together.
+            let is_jump = |proposal: &Proposal| case.candidates[proposal.term.candidate].is_jump();
+            let terms: Vec<Proposal> = proposals.iter().filter(|one| !is_jump(one)).cloned().collect();
+            chosen = choose(case, &state, &bench, family, (&terms, &[], &wanted), ln_level);
             terms_only = chosen.is_some() && state.terms.len() < most_terms_first;
             if way == Way::TermsThenAllNoise && !terms_only && state.changes.is_empty() {
                 for block in several_sources(case.model) {

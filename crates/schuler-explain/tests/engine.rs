@@ -996,6 +996,33 @@ fn what_a_thermometer_elsewhere_leaves_over_is_no_finding() {
     }
 }
 
+/// Four effects look like slow noise, and the first of them that is found for two others: pairs in the place of terms that were found one
+/// after the other lead to them.
+#[test]
+fn several_effects_behind_one_that_looks_like_two_are_not_taken_for_noise() {
+    const TRIALS: u64 = 24;
+    let length = ROWS as f64;
+    let right = (0..TRIALS)
+        .into_par_iter()
+        .filter(|&seed| {
+            let turned = seed as f64;
+            let values = with(noise(17_000 + seed, ROWS), |time| {
+                let step = if time >= 600.0 + 40.0 * turned { 8.0 } else { 0.0 };
+                let waves = 4.0 * wave(time, length) - (0.4 + 0.01 * turned) * wave_rate(time, length);
+                step + waves - 10.0 * time / length
+            });
+            let answer = answer(vec![values], false).unwrap();
+            let mut names: Vec<&str> =
+                answer.findings.iter().map(|finding| finding.effect.as_str()).collect();
+            names.sort_unstable();
+            println!("{seed} {names:?}");
+            names == ["step", "trend", "wave", "wave_rate"]
+        })
+        .count();
+    println!("{right} of {TRIALS}");
+    assert!(right >= 22);
+}
+
 #[test]
 fn several_effects_together_are_not_taken_for_noise() {
     const TRIALS: u64 = 12;

@@ -72,6 +72,13 @@ pub struct Candidate {
     pub amplitudes: Vec<Amplitude>,
 }
 
+impl Candidate {
+    /// Whether it is a mean that jumps on and off.
+    pub fn is_jump(&self) -> bool {
+        matches!(self.search, Search::Readings(ReadingFault::IntermittentJump))
+    }
+}
+
 /// Name of the amplitude of what decays from a start that nobody knows.
 pub const AT_START: &str = "at_start";
 
