@@ -17,7 +17,8 @@
 //! each term on a sensor that stands beside one on its instrument.
 //!
 //! Two terms may look like a third, beside which neither shows. In the place of the terms of a source all pairs of such are compared, and
-//! the search goes on from the best of them ([`Library::pairs`]).
+//! the search goes on from the best of them ([`Library::pairs`]). So it does where the best description has slow noise in the place of
+//! several terms that were found terms first, and which may have begun with such a third.
 //!
 //! All that has a budget of work ([`crate::budget`]): the search from nothing has two thirds of it, all others share what it leaves.
 use rayon::prelude::*;
