@@ -8,7 +8,8 @@
 //! signature of an entry is made again only for noises or regressors that are new. The correlations of all columns, which
 //! the null distribution and pairs of entries need, are those of their sketches: rows with random signs summed into `SKETCH` places
 //! (Charikar, Chen & Farach-Colton 2004), by which a correlation ρ has a standard deviation of (1 − ρ²)/√`SKETCH`; a record
-//! that is no longer is exact. Memory is that of a few columns, the products and the sketches, and the work grows as the length.
+//! that is no longer is exact. Memory is that of a few columns, of R⁻¹ of the data and of each regressor at each sensor, the products and the sketches, and the
+//! work grows as the length.
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
@@ -23,7 +24,7 @@ use crate::catalogue::{Candidate, Column, OnsetShape, Port, Search, Signature};
 use crate::description::{Delays, Term, columns, sensors_of};
 use crate::inputs::series::Series;
 use crate::least_squares::{dot, solve, solve_seen};
-use crate::nominal::{Block, Model};
+use crate::nominal::{Block, Model, are_numbers};
 use crate::price::{continuous, ln_number_of_mean, ln_places_at};
 use crate::state::{Bench, Described, Whitened};
 use crate::statistics::ln_chi_squared_tail;
@@ -770,9 +771,15 @@ impl<'b> Builder<'b> {
                     products.sketches = Some(Arc::new(sketches));
                 }
                 let port = candidates[entry.candidate].port;
+                let columns: Vec<(&Column, Option<Cow<'_, [f64]>>)> = (products.columns.iter())
+                    .map(|&place| &signature.columns[place])
+                    .map(|column| (column, self.channels_of_no_numbers(column, port)))
+                    .collect();
                 for (number, place) in self.described.iter().enumerate() {
-                    let with = |place: &usize| self.with(number, &signature.columns[*place], port);
-                    let columns = &products.columns;
+                    let with = |(column, channels): &(&Column, Option<Cow<'_, [f64]>>)| match channels {
+                        Some(channels) => dot(channels, self.adjoint(number)),
+                        None => self.at_sensors_with(number, column, port),
+                    };
                     products.with.entry(*place).or_insert_with(|| columns.iter().map(with).collect());
                 }
                 products
@@ -791,26 +798,28 @@ impl<'b> Builder<'b> {
 
     /// The product of a column with the data, which come first, or with a regressor: by what these are at the sensors, so that the channels need
     /// not be made of it.
-    fn with(&self, number: usize, column: &Column, port: Port) -> f64 {
-        let rows = self.block.rows();
-        let of_part = |(sensor, values): &(usize, Series)| {
-            (values.len() == rows).then(|| Some(dot(values, self.at_sensor(number, *sensor, port)?)))?
+    fn at_sensors_with(&self, number: usize, column: &Column, port: Port) -> f64 {
+        let product = |(sensor, values): &(usize, Series)| {
+            self.at_sensor(number, *sensor, port).map_or(0.0, |scores| dot(values, scores))
         };
+        column.parts.iter().map(product).sum()
+    }
+
+    /// What a column adds to the channels where it is no number in some row of a sensor, which counts as 0 in the channels.
+    fn channels_of_no_numbers<'c>(&self, column: &'c Column, port: Port) -> Option<Cow<'c, [f64]>> {
+        let rows = self.block.rows();
         let reaches = |(sensor, _): &&(usize, Series)| self.block.sensors.contains(sensor);
-        let product: Option<f64> = column.parts.iter().filter(reaches).map(of_part).sum();
-        product.filter(|product| product.is_finite()).unwrap_or_else(|| {
-            // What is not a number counts as 0 in the channels.
-            let channels = self.block.project(column, port).unwrap_or_default();
-            dot(&channels, self.adjoint(number))
-        })
+        let is_whole = |(_, values): &(usize, Series)| values.len() == rows && are_numbers(values);
+        let are_whole = column.parts.iter().filter(reaches).all(is_whole);
+        (!are_whole).then(|| self.block.project(column, port).unwrap_or_default())
     }
 
     /// R⁻¹ of the data or of a regressor, by the readings of a sensor at a port; `None` where they do not reach the channels.
     fn at_sensor(&self, number: usize, sensor: usize, port: Port) -> Option<&[f64]> {
+        let place = self.block.sensors.iter().position(|&own| own == sensor)?;
         if self.block.is_of_one_sensor() {
             return Some(self.adjoint(number));
         }
-        let place = self.block.sensors.iter().position(|&own| own == sensor)?;
         let at = (number * self.block.sensors.len() + place) * PORTS + port as usize;
         let compute = || self.block.back_project(self.adjoint(number), sensor, port);
         self.at_sensors[at].get_or_init(compute).as_deref()

@@ -64,6 +64,11 @@ const PARALLEL: f64 = 1e-6;
 /// Rows that are looked at together.
 const RUN_ROWS: usize = 256;
 
+/// Whether all values are numbers; without a way out in each run of rows, which is most of the time otherwise.
+pub fn are_numbers(values: &[f64]) -> bool {
+    values.chunks(RUN_ROWS).all(|run| run.iter().fold(true, |all, value| all & value.is_finite()))
+}
+
 /// How sensors become channels.
 #[derive(Clone, Debug)]
 enum Geometry {
@@ -549,9 +554,7 @@ impl Block {
     pub fn project<'v>(&self, column: &'v Column, port: Port) -> Option<Cow<'v, [f64]>> {
         let mut values = self.projected(column, port)?;
         let all = self.channels * self.rows();
-        // Without a way out in each run of rows, which is most of the time otherwise.
-        let are_finite = |run: &[f64]| run.iter().fold(true, |all, value| all & value.is_finite());
-        if values.len() != all || !values.chunks(RUN_ROWS).all(are_finite) {
+        if values.len() != all || !are_numbers(&values) {
             let own = values.to_mut();
             own.iter_mut().filter(|value| !value.is_finite()).for_each(|value| *value = 0.0);
             own.resize(all, 0.0);

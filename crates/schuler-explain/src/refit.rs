@@ -381,7 +381,9 @@ pub fn of_change(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter>
     };
     for &knob in change.knobs.iter().filter(|knob| !replaced(knob)) {
         let value = state.noises[change.source].get(knob);
-        let is_stated = !source.unknown && knob != Knob::StepRatio && source.nominal.has_shape(knob);
+        // Where the case says nothing of the noise its white level is an estimate, and a change at a time is never stated.
+        let is_estimate = source.unknown && knob == Knob::White;
+        let is_stated = !is_estimate && knob != Knob::StepRatio && source.nominal.has_shape(knob);
         let stated = Some(source.nominal.get(knob)).filter(|stated| is_stated && *stated > 0.0);
         let place = free.iter().position(|&other| other == (change.source, knob));
         let relative = place.zip(sigmas.as_ref()).map(|(place, sigmas)| sigmas[place]);

@@ -18,7 +18,7 @@
 //!
 //! Two terms may look like a third, beside which neither shows. In the place of the terms of a source all pairs of such are compared, and
 //! the search goes on from the best of them ([`Library::pairs`]). So it does where the best description has slow noise in the place of
-//! several terms that were found terms first, and which may have begun with such a third.
+//! several terms of the one that terms first led to, and which may have begun with such a third.
 //!
 //! All that has a budget of work ([`crate::budget`]): the search from nothing has two thirds of it, all others share what it leaves.
 use rayon::prelude::*;
@@ -209,14 +209,21 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
         of_terms = of_terms.or(with_terms);
     }
     let mut pairs = Vec::new();
-    for source in 0..case.model.sources.len() {
-        let mut starts = pairs_instead(case, &best.1, source, &family, ln_level, &mut for_pairs);
-        let of_best = starts.len();
-        if let Some(with_terms) = of_terms.as_ref().filter(|it| may_be_noise(case, &best.1.0, &it.0, source))
+    let sources = 0..case.model.sources.len();
+    // Of all sources what stands first, and what terms first left with what is left of the budget.
+    for (source, is_of_best) in
+        sources.clone().map(|source| (source, true)).chain(sources.map(|it| (it, false)))
+    {
+        let starts = if is_of_best {
+            pairs_instead(case, &best.1, source, &family, ln_level, &mut for_pairs)
+        } else if let Some(start) =
+            of_terms.as_ref().filter(|it| may_be_noise(case, &best.1.0, &it.0, source))
         {
-            starts.extend(any_two_instead(case, with_terms, source, &family, ln_level, &mut for_pairs));
-        }
-        for (place, (start, prices)) in starts.into_iter().enumerate() {
+            any_two_instead(case, start, source, &family, ln_level, &mut for_pairs)
+        } else {
+            continue;
+        };
+        for (start, prices) in starts {
             let walked = from(start, prices, Way::Best, &mut for_pairs);
             if walked.joined {
                 continue;
@@ -224,7 +231,7 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
             let other = valued(walked.found, &mut for_pairs);
             if other.0 > best.0 + WORTH_OTHER_TERMS {
                 best = other;
-            } else if place < of_best {
+            } else if is_of_best {
                 pairs.extend(two_for_one(&best.1.0, &other.1.0, best.0 - other.0));
             }
         }
@@ -284,13 +291,13 @@ pub fn judged_again<'c>(case: &'c Case<'c>, selection: Selection<'_>, level: f64
     Selection { state, bench, family, shown, prices, pairs, null, exceeded }
 }
 
-/// Whether slow noise of a source is several terms in another description: together they look like it, and those that were found one after
-/// the other may have begun with one that looks like two of them.
+/// Whether slow noise of a source is several terms in another description, that which terms first led to: together they look like it, and
+/// those that were found one after the other may have begun with one that looks like two of them.
 fn may_be_noise(case: &Case<'_>, with_noise: &State, of_terms: &State, source: usize) -> bool {
     let is_slow =
         |change: &Accepted| change.source == source && change.knobs.iter().any(|&knob| is_slow(knob));
     let own = of_terms.terms.iter().filter(|term| is_of(case, term.candidate, source));
-    with_noise.changes.iter().any(is_slow) && own.count() > 1
+    with_noise.changes.iter().any(is_slow) && own.count() > 1 && identity(with_noise) != identity(of_terms)
 }
 
 /// Descriptions with two terms in the place of what a source has.
@@ -658,8 +665,8 @@ fn forward<'c>(
         if terms_only {
             // A mean that comes and goes follows whatever several terms do together.
             let is_jump = |proposal: &Proposal| case.candidates[proposal.term.candidate].is_jump();
-            let terms: Vec<Proposal> = proposals.iter().filter(|one| !is_jump(one)).cloned().collect();
-            chosen = choose(case, &state, &bench, family, (&terms, &[], &wanted), ln_level);
+            let best = proposals.iter().find(|proposal| !is_jump(proposal)).cloned();
+            chosen = choose(case, &state, &bench, family, (best.as_slice(), &[], &wanted), ln_level);
             terms_only = chosen.is_some() && state.terms.len() < most_terms_first;
             if way == Way::TermsThenAllNoise && !terms_only && state.changes.is_empty() {
                 for block in several_sources(case.model) {

@@ -74,7 +74,13 @@ pub fn sentence(
 /// How many times what the case states a parameter is, where it states it.
 pub fn of_stated(parameter: &Parameter) -> String {
     let ratio = parameter.value.zip(parameter.stated).map(|(value, stated)| value / stated);
-    ratio.map_or_else(String::new, |ratio| format!(" ({ratio:.2} × stated)"))
+    ratio.map_or_else(String::new, |ratio| {
+        if (0.1..100.0).contains(&ratio) {
+            format!(" ({ratio:.2} × stated)")
+        } else {
+            format!(" ({ratio:.1e} × stated)")
+        }
+    })
 }
 
 /// A value with its standard deviation, to the digits that the latter leaves.
@@ -135,6 +141,8 @@ mod tests {
             ..Parameter::default()
         };
         assert_eq!(of_stated(&sigma), " (1.05 × stated)");
+        let in_other_unit = Parameter { stated: Some(25.2), ..sigma.clone() };
+        assert_eq!(of_stated(&in_other_unit), " (1.0e-3 × stated)");
         assert_eq!(of_stated(&Parameter { stated: None, ..sigma }), "");
     }
 

@@ -1716,11 +1716,7 @@ fn gains_of_all_candidates_are_those_of_each() {
             ..candidate(effect, sensor, Search::Linear(signature(sensor, (0..ROWS).map(value).collect())))
         };
         let unread = |row: usize| if (500..520).contains(&row) { f64::NAN } else { waved(row) };
-        vec![
-            linear(&TREND, &|row| row as f64 / length),
-            linear(&WAVE, &waved),
-            linear(&WAVE_RATE, if port == Port::Output { &unread } else { &waved }),
-        ]
+        vec![linear(&TREND, &|row| row as f64 / length), linear(&WAVE, &waved), linear(&WAVE_RATE, &unread)]
     };
     let mut redundant = recording((0..5).map(|seed| noise(600 + seed, ROWS)).collect());
     redundant.case.motion.kind = MotionKind::Unknown;
@@ -1734,7 +1730,15 @@ fn gains_of_all_candidates_are_those_of_each() {
         common::series("velocity", kind, [1.0, 0.0, 0.0], Nominal::default(), loop_noise(7, ROWS, &of));
     let mut inside = common::recording(MotionKind::VelocityError, vec![velocity]);
     inside.case.schuler_loop = Some(of);
-    let of_sensors = (0..5).flat_map(|sensor| columns(sensor, Port::Output)).collect();
+    let mut of_sensors: Vec<Candidate> = (0..5).flat_map(|sensor| columns(sensor, Port::Output)).collect();
+    // One effect of three sensors, of each another one.
+    let together = Column::of((1..4).map(|sensor| {
+        (sensor, (0..ROWS).map(|row| wave(row as f64 + 90.0 * sensor as f64, length)).collect::<Vec<f64>>())
+    }));
+    of_sensors.push(Candidate {
+        target: Target::Group { name: "unit".to_owned(), sensors: vec![1, 2, 3] },
+        ..candidate(&LAGGED, 1, Search::Linear(Signature { columns: vec![together] }))
+    });
     let of_ports = [Port::Output, Port::Accelerometer, Port::Gyro]
         .into_iter()
         .flat_map(|port| columns(0, port))
@@ -1745,16 +1749,18 @@ fn gains_of_all_candidates_are_those_of_each() {
         let time_s: Vec<f64> = recording.elapsed_s().collect();
         let case = Case::new(&model, candidates, &time_s, &Unwatched);
         let term = |index: usize| Term::new(index, &candidates[index], &[], &time_s);
-        let bench = Bench::new(&case, &[term(1)], &model.nominal_noises());
-        let library = Library::new(&bench, Purpose::Gains, &|index| index != 1);
-        for (entry, told) in library.entries.iter().zip(library.gains()) {
-            let (gain, _) = bench.gain_of(&term(entry.candidate));
-            assert!(
-                (told.gain - gain).abs() < 1e-3 * (1.0 + gain),
-                "{} {} {gain}",
-                entry.candidate,
-                told.gain
-            );
+        // Once more beside another term, whose products are added to what is known.
+        for (described, purpose) in
+            [(vec![1], Purpose::Gains), (vec![1, 3], Purpose::Gains), (vec![1, 3], Purpose::Pairs)]
+        {
+            let terms: Vec<Term> = described.iter().map(|&index| term(index)).collect();
+            let bench = Bench::new(&case, &terms, &model.nominal_noises());
+            let library = Library::new(&bench, purpose, &|index| !described.contains(&index));
+            for (entry, told) in library.entries.iter().zip(library.gains()) {
+                let (gain, _) = bench.gain_of(&term(entry.candidate));
+                let near = (told.gain - gain).abs() < 1e-3 * (1.0 + gain);
+                assert!(near, "{described:?} {} {} {gain}", entry.candidate, told.gain);
+            }
         }
     }
 }

@@ -110,6 +110,7 @@ def check_answers(out: Path, paths: list[Path]) -> None:
             assert all(p["value"] is None or p.get("text") is None for p in it["parameters"])
             told = [p.get("text") if p["value"] is None else p["value"] for p in it["parameters"]]
             assert told == [p["value"] for p in whole["parameters"]]
+            assert [p["stated"] for p in it["parameters"]] == [p.get("stated") for p in whole["parameters"]]
     assert {row["verdict"] for row in found} >= {"explained", "no_mismatch"}
     assert not list((out / "parts").rglob(".*")), "a part was left half written"
 

@@ -84,6 +84,7 @@ PARAMETER = pa.struct(
         pa.field("unit", pa.string()),
         pa.field("text", pa.string()),
         pa.field("plausible", pa.bool_()),
+        pa.field("stated", pa.float64()),
     ]
 )
 
@@ -104,7 +105,7 @@ FINDINGS = pa.schema(
         pa.field("sentence", pa.string()),
     ]
 )
-"""One row a finding, `rank` 0 the one with the most evidence; a campaign's have sensor and effect only."""
+"""One row a finding, by their place in the answer `rank`; a campaign's have sensor and effect only."""
 
 
 @dataclass(frozen=True)
