@@ -210,18 +210,15 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
     }
     let mut pairs = Vec::new();
     let sources = 0..case.model.sources.len();
-    // Of all sources what stands first, and what terms first left with what is left of the budget.
-    for (source, is_of_best) in
-        sources.clone().map(|source| (source, true)).chain(sources.map(|it| (it, false)))
-    {
+    // Of all sources the best first, and then what terms first led to, with what is left of the budget.
+    for (is_of_best, source) in sources.clone().map(|it| (true, it)).chain(sources.map(|it| (false, it))) {
         let starts = if is_of_best {
             pairs_instead(case, &best.1, source, &family, ln_level, &mut for_pairs)
-        } else if let Some(start) =
-            of_terms.as_ref().filter(|it| may_be_noise(case, &best.1.0, &it.0, source))
-        {
-            any_two_instead(case, start, source, &family, ln_level, &mut for_pairs)
         } else {
-            continue;
+            let may_be_noise = |it: &&Start| may_be_noise(case, &best.1.0, &it.0, source);
+            of_terms.as_ref().filter(may_be_noise).map_or_else(Vec::new, |(state, prices)| {
+                any_two_instead(case, (state, prices), source, &family, ln_level, &mut for_pairs)
+            })
         };
         for (start, prices) in starts {
             let walked = from(start, prices, Way::Best, &mut for_pairs);
@@ -310,8 +307,7 @@ fn pairs_instead(
     budget: &mut Budget,
 ) -> Vec<Start> {
     let (state, _, prices) = found;
-    let start = (state.clone(), prices.clone());
-    let mut starts = any_two_instead(case, &start, source, family, ln_level, budget);
+    let mut starts = any_two_instead(case, (state, prices), source, family, ln_level, budget);
     starts.extend(beside_a_constant(case, found, source, family, ln_level, budget));
     starts
 }
@@ -323,7 +319,7 @@ fn pairs_instead(
 /// noise stay: slow noise is imitated by whatever shapes it takes.
 fn any_two_instead(
     case: &Case<'_>,
-    (state, prices): &Start,
+    (state, prices): (&State, &[Price]),
     source: usize,
     family: &Family,
     ln_level: f64,
