@@ -16,13 +16,14 @@ use crate::budget::{Budget, of_item};
 use crate::catalogue::{Candidate, Column, Port, Search, Target};
 use crate::description::{Term, blocks_of, sensors_of};
 use crate::explanation::Rival;
+use crate::instead::PairInstead;
 use crate::jump::RATES;
 use crate::noise_change::ChangeFit;
 use crate::nominal::Model;
 use crate::price::Price;
 use crate::refit::THREE_SIGMA_NATS;
 use crate::search::{Family, deterministic, library};
-use crate::select::{Item, PairInstead, add_change, blocks_with, gain_of_item, touches, without};
+use crate::select::{Item, add_change, blocks_with, gain_of_item, touches, without};
 use crate::state::{Bench, Case, State, refitted};
 
 /// Nats behind the best within which an identifier belongs to the class.

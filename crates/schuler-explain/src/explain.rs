@@ -18,6 +18,7 @@ use crate::explanation::{
 };
 use crate::hold_out::hold_out;
 use crate::inputs::Inputs;
+use crate::instead::PairInstead;
 use crate::locate;
 use crate::minimise::golden;
 use crate::noise::{Knob, Noise, RowsOfLevel};
@@ -27,8 +28,8 @@ use crate::readings::{FEWEST_PILED, Fault, Faults, LEAST_STEP, OFF_LATTICE, faul
 use crate::refit::parameters;
 use crate::search::{Family, by_all_readings, refine_terms};
 use crate::select::{
-    Item, MOST_FINDINGS, PairInstead, Selection, Shown, add_change, evidence_of, gain_of_item, judged_again,
-    select, without,
+    Item, MOST_FINDINGS, Selection, Shown, add_change, evidence_of, gain_of_item, judged_again, select,
+    without,
 };
 use crate::sentence::sentence;
 use crate::state::{Bench, Case, State, refitted};

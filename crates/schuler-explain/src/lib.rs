@@ -57,6 +57,7 @@ pub mod explain;
 pub mod explanation;
 pub mod hold_out;
 pub mod inputs;
+pub mod instead;
 pub mod jump;
 pub mod least_squares;
 pub mod library;

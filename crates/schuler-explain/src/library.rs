@@ -12,6 +12,7 @@
 //! work grows as the length.
 use std::borrow::Cow;
 use std::collections::HashMap;
+use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use nalgebra::{DMatrix, DVector};
@@ -45,6 +46,8 @@ const SHARED_VALUES: usize = 1 << 24;
 const SEEN: f64 = 1e-4;
 /// Eigenvalue below which a combination of an entry's columns is not seen.
 const SEEN_COMBINATION: f64 = 1e-5;
+/// Ratio of squared lengths by sketches and by exact products up to which a column takes part in pairs.
+const MOST_APART: f64 = 2.0;
 /// Added to the diagonal so that a normal matrix of collinear columns has a root.
 const JITTER: f64 = 1e-5;
 /// Records drawn for the null distribution.
@@ -87,13 +90,20 @@ struct BlockSums {
     with_regressors: Vec<Vec<f64>>,
     with_entry: Vec<Vec<f64>>,
     sketches: Vec<Vec<f32>>,
+    /// Correlations of all columns by their sketches, once they were asked for.
+    correlations: OnceLock<DMatrix<f64>>,
 }
 
 /// The library under one set of noises, beside given regressors.
 pub struct Library {
     /// The entries.
     pub entries: Vec<Entry>,
-    regressors: usize,
+    /// Columns of the constants and of each term of the description.
+    constants: Range<usize>,
+    terms: Vec<Range<usize>>,
+    /// Columns beside which the entries are, and what they gain.
+    regressors: Vec<usize>,
+    described: f64,
     blocks: Vec<BlockSums>,
     prepared: Vec<Prepared>,
 }
@@ -102,7 +112,9 @@ pub struct Library {
 struct Direction {
     entry: usize,
     scores: DVector<f64>,
-    sketches: Vec<Vec<f32>>,
+    /// Places of the entry's columns in the block, and what makes orthonormal columns of those of unit length.
+    places: Vec<usize>,
+    root: DMatrix<f64>,
 }
 
 impl Direction {
@@ -110,15 +122,20 @@ impl Direction {
         0.5 * self.scores.norm_squared()
     }
 
-    /// What both gain; none where they are nearly the same.
-    fn gain_with(&self, other: &Self) -> Option<f64> {
-        let between = DMatrix::from_fn(self.sketches.len(), other.sketches.len(), |i, j| {
-            tiled_dot(&self.sketches[i], &other.sketches[j])
+    /// What both gain, by the correlations of the block's columns; none where they are nearly the same.
+    fn gain_with(&self, other: &Self, correlations: &DMatrix<f64>) -> Option<f64> {
+        if let ([own], [others]) = (self.places.as_slice(), other.places.as_slice()) {
+            let between = self.root[(0, 0)] * correlations[(*own, *others)] * other.root[(0, 0)];
+            let (left, beside) = (1.0 - between * between, other.scores[0] - between * self.scores[0]);
+            return (left >= FURTHEST_ALIKE).then(|| self.alone() + 0.5 * beside * beside / left);
+        }
+        let of_columns = DMatrix::from_fn(self.places.len(), other.places.len(), |i, j| {
+            correlations[(self.places[i], other.places[j])]
         });
+        let between = &self.root * of_columns * other.root.transpose();
         let beside = &other.scores - between.transpose() * &self.scores;
-        let left =
-            DMatrix::identity(other.sketches.len(), other.sketches.len()) - between.transpose() * between;
-        if left.diagonal().min() < FURTHEST_ALIKE {
+        let left = DMatrix::identity(beside.len(), beside.len()) - between.transpose() * between;
+        if left.symmetric_eigenvalues().min() < FURTHEST_ALIKE {
             return None;
         }
         let further = left.cholesky()?.solve(&beside).dot(&beside);
@@ -235,7 +252,13 @@ impl Library {
     /// Scores of all candidates beside the constants and `terms`, over every block that has a filter.
     pub fn new(bench: &Bench<'_>, purpose: Purpose, wanted: &(dyn Fn(usize) -> bool + Sync)) -> Self {
         let (model, candidates, terms) = (bench.case.model, bench.case.candidates, &bench.terms);
-        let regressors = model.constants.len() + terms.iter().map(Term::amplitudes).sum::<usize>();
+        let constants = 0..model.constants.len();
+        let mut regressors = constants.end;
+        let of_term = |term: &Term| {
+            regressors += term.amplitudes();
+            regressors - term.amplitudes()..regressors
+        };
+        let of_terms: Vec<Range<usize>> = terms.iter().map(of_term).collect();
         let delays = Delays::new(terms);
         let mut entries = Vec::new();
         let mut first = regressors;
@@ -284,19 +307,38 @@ impl Library {
             builders.par_iter_mut().for_each(|builder| builder.take(entries, candidates, &signatures));
         }
         let blocks = builders.into_iter().map(|builder| builder.finish(first)).collect();
-        let mut library = Self { entries, regressors, blocks, prepared: Vec::new() };
-        library.prepare();
+        let mut library = Self {
+            entries,
+            constants,
+            terms: of_terms,
+            regressors: Vec::new(),
+            described: 0.0,
+            blocks,
+            prepared: Vec::new(),
+        };
+        library.leave_out(&[]);
         library
     }
 
-    fn prepare(&mut self) {
-        let regressors: Vec<usize> = (0..self.regressors).collect();
+    /// What the constants and the terms that are not left out gain.
+    pub fn described(&self) -> f64 {
+        self.described
+    }
+
+    /// Leaves out some terms of the description, by their places in it, and takes in those that were left out before.
+    pub fn leave_out(&mut self, terms: &[usize]) {
+        let stays =
+            |(place, columns): (usize, &Range<usize>)| (!terms.contains(&place)).then(|| columns.clone());
+        let of_terms = self.terms.iter().enumerate().filter_map(stays);
+        let regressors: Vec<usize> = self.constants.clone().chain(of_terms.flatten()).collect();
         let own = self.normal(&regressors, &regressors);
-        let inverse = if self.regressors > 0 {
-            solve(&own, &DVector::zeros(self.regressors)).covariance
-        } else {
+        let inverse = if regressors.is_empty() {
             DMatrix::zeros(0, 0)
+        } else {
+            solve(&own, &DVector::zeros(regressors.len())).covariance
         };
+        let scores = DVector::from_fn(regressors.len(), |i, _| self.score(regressors[i]));
+        self.described = 0.5 * scores.dot(&(&inverse * &scores));
         self.prepared = (self.entries.par_iter())
             .map(|entry| {
                 let columns: Vec<usize> = (entry.first..entry.first + entry.columns).collect();
@@ -315,6 +357,12 @@ impl Library {
                 Prepared { projection, normal, rank, inverse: solution.covariance }
             })
             .collect();
+        self.regressors = regressors;
+    }
+
+    /// Product of a column with the data.
+    fn score(&self, column: usize) -> f64 {
+        self.blocks.iter().filter_map(|block| block.place[column].map(|place| block.scores[place])).sum()
     }
 
     fn normal(&self, rows: &[usize], columns: &[usize]) -> DMatrix<f64> {
@@ -342,14 +390,14 @@ impl Library {
             let parts = self.blocks.iter().zip(scores);
             parts.filter_map(|(block, scores)| block.place[column].map(|place| scores[place])).sum()
         };
-        let regressors = DVector::from_fn(self.regressors, |i, _| sum(i));
+        let regressors = DVector::from_fn(self.regressors.len(), |i, _| sum(self.regressors[i]));
         (self.entries.iter().zip(&self.prepared))
             .map(|(entry, prepared)| {
                 if prepared.rank == 0 {
                     return Gain { gain: 0.0, freedom: 1 };
                 }
                 let mut scores = DVector::from_fn(entry.columns, |i, _| sum(entry.first + i));
-                if self.regressors > 0 {
+                if !self.regressors.is_empty() {
                     scores -= &prepared.projection * &regressors;
                 }
                 let gain = if entry.unit_amplitude && !drawn {
@@ -371,14 +419,15 @@ impl Library {
     pub fn pairs(&self, least: f64, further: f64) -> Vec<Pair> {
         let mut pairs: Vec<Pair> = Vec::new();
         for block in &self.blocks {
-            let directions = self.directions(block);
+            let correlations = self.correlations(block);
+            let directions = self.directions(block, &correlations);
             let of_one = |(place, first): (usize, &Direction)| -> Vec<Pair> {
                 let candidate = |direction: &Direction| self.entries[direction.entry].candidate;
                 directions[..place]
                     .iter()
                     .filter(|other| candidate(other) != candidate(first))
                     .filter_map(|other| {
-                        let gain = first.gain_with(other)?;
+                        let gain = first.gain_with(other, &correlations)?;
                         let alone = [other.alone(), first.alone()];
                         let least = least.max(alone[0] + further).max(alone[1] + further);
                         (gain >= least).then_some(Pair { entries: [other.entry, first.entry], gain, alone })
@@ -390,25 +439,22 @@ impl Library {
         pairs
     }
 
-    /// The entries of a block, orthonormal.
-    fn directions(&self, block: &BlockSums) -> Vec<Direction> {
-        let mut basis: Vec<Vec<f32>> = Vec::new();
-        for place in block.place[..self.regressors].iter().flatten() {
-            let mut sketch = block.sketches[*place].clone();
-            take_out(&mut sketch, &basis);
-            let length = tiled_dot(&sketch, &sketch).sqrt();
-            if length > SEEN.sqrt() {
-                for value in &mut sketch {
-                    *value /= length as f32;
-                }
-                basis.push(sketch);
+    /// Correlations of the columns of a block, those of what is described taken out.
+    fn correlations(&self, block: &BlockSums) -> DMatrix<f64> {
+        let mut left = block.correlations.get_or_init(|| normal_matrix(&block.sketches)).clone();
+        for place in self.regressors.iter().filter_map(|&column| block.place[column]) {
+            let (column, length) = (left.column(place).into_owned(), left[(place, place)]);
+            if length > SEEN {
+                left.ger(-1.0 / length, &column, &column, 1.0);
             }
         }
+        left
+    }
+
+    /// The entries of a block, orthonormal; by the correlations of its columns as well, which are not exact.
+    fn directions(&self, block: &BlockSums, correlations: &DMatrix<f64>) -> Vec<Direction> {
         // What is described may act on other blocks as well.
-        let of_all = |column: usize| -> f64 {
-            self.blocks.iter().filter_map(|block| block.place[column].map(|place| block.scores[place])).sum()
-        };
-        let described = DVector::from_fn(self.regressors, |i, _| of_all(i));
+        let described = DVector::from_fn(self.regressors.len(), |i, _| self.score(self.regressors[i]));
         let direction = |(index, (entry, prepared)): (usize, (&Entry, &Prepared))| {
             if prepared.rank == 0 || entry.unit_amplitude {
                 return None;
@@ -416,33 +462,20 @@ impl Library {
             let columns = entry.first..entry.first + entry.columns;
             let places: Vec<usize> = columns.map(|column| block.place[column]).collect::<Option<_>>()?;
             let mut scores = DVector::from_fn(entry.columns, |i, _| block.scores[places[i]]);
-            if self.regressors > 0 {
+            if !self.regressors.is_empty() {
                 scores -= &prepared.projection * &described;
             }
             let eigen = prepared.inverse.clone().symmetric_eigen();
             let roots = DMatrix::from_diagonal(&eigen.eigenvalues.map(|value| value.max(0.0).sqrt()));
             let root = &eigen.eigenvectors * roots * eigen.eigenvectors.transpose();
-            let left: Vec<Vec<f32>> = (places.iter())
-                .map(|&place| {
-                    let mut sketch = block.sketches[place].clone();
-                    take_out(&mut sketch, &basis);
-                    let norm = block.product(place, place).max(0.0).sqrt() as f32;
-                    for value in &mut sketch {
-                        *value *= norm;
-                    }
-                    sketch
-                })
-                .collect();
-            let mixed = |row: usize| -> Vec<f32> {
-                let mut sum = vec![0.0_f32; left.first().map_or(0, Vec::len)];
-                for (column, sketch) in left.iter().enumerate() {
-                    let weight = root[(row, column)] as f32;
-                    sum.iter_mut().zip(sketch).for_each(|(sum, value)| *sum += weight * value);
-                }
-                sum
-            };
-            let sketches = (0..entry.columns).map(mixed).collect();
-            Some(Direction { entry: index, scores: &root * scores, sketches })
+            let mut of_unit = root.clone();
+            for (mut column, &place) in of_unit.column_iter_mut().zip(&places) {
+                column *= block.product(place, place).max(0.0).sqrt();
+            }
+            let own =
+                DMatrix::from_fn(entry.columns, entry.columns, |i, j| correlations[(places[i], places[j])]);
+            let of_unit = unit_root(&(&of_unit * own * of_unit.transpose()))? * of_unit;
+            Some(Direction { entry: index, scores: root * scores, places, root: of_unit })
         };
         self.entries.par_iter().zip(&self.prepared).enumerate().filter_map(direction).collect()
     }
@@ -559,12 +592,15 @@ fn onsets(shape: OnsetShape, time_s: &[f64]) -> Vec<Vec<f64>> {
     (first..ONSETS).map(|place| vec![length_s * place as f64 / ONSETS as f64]).collect()
 }
 
-/// Takes what lies along orthonormal sketches out of one.
-fn take_out(sketch: &mut [f32], basis: &[Vec<f32>]) {
-    for along in basis {
-        let part = tiled_dot(sketch, along) as f32;
-        sketch.iter_mut().zip(along).for_each(|(value, along)| *value -= part * along);
-    }
+/// What makes columns orthonormal by their sketches that are so, some of them nothing, by exact products; none where the two differ much.
+fn unit_root(nearly_unit: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let eigen = nearly_unit.clone().symmetric_eigen();
+    let is_near = |&value: &f64| value < SEEN_COMBINATION || MOST_APART.recip() < value && value < MOST_APART;
+    eigen.eigenvalues.iter().all(is_near).then(|| {
+        let root = |value: f64| if value < SEEN_COMBINATION { 0.0 } else { value.sqrt().recip() };
+        let roots = DMatrix::from_diagonal(&eigen.eigenvalues.map(root));
+        &eigen.eigenvectors * roots * eigen.eigenvectors.transpose()
+    })
 }
 
 /// Random signs.
@@ -875,6 +911,7 @@ impl<'b> Builder<'b> {
             with_regressors: self.with_regressors,
             with_entry: self.with_entry,
             sketches: self.sketches,
+            correlations: OnceLock::new(),
         }
     }
 }

@@ -18,7 +18,7 @@ use crate::noise_change::{ChangeFit, PromisedStart, View};
 use crate::nominal::{Block, Model};
 use crate::price::Price;
 use crate::scan::{Scan, Scanner};
-use crate::select::touches;
+use crate::select::{speaks, touches};
 use crate::state::{Bench, Case, Key, State};
 
 /// Shares of the level: linear and grid candidates, onsets, frequencies, noise, readings.
@@ -208,27 +208,26 @@ pub fn evaluate(bench: &Bench<'_>, promises: &mut [Promise], proposals: &mut Vec
     proposals.retain(|proposal| seen.insert(proposal.term.candidate));
 }
 
-/// The best pairs of `wanted` terms that promise to show more than `least` together, each of them something beside the other: at most so
-/// many, of two candidates one.
+/// The best pairs of terms of a library that promise to say more than `least` together, each of them something beside the other, and what
+/// they promise to say: at most so many, of two candidates one.
 pub fn promising_pairs(
-    bench: &Bench<'_>,
+    case: &Case<'_>,
+    library: &Library,
     family: &Family,
-    wanted: &(dyn Fn(usize) -> bool + Sync),
     least: f64,
     most: usize,
-) -> Vec<[Term; 2]> {
-    let (case, library) = (bench.case, Library::new(bench, Purpose::Pairs, wanted));
+) -> Vec<(f64, [Term; 2])> {
     let cost = |entry: &Entry, gain: f64| {
         let candidate = &case.candidates[entry.candidate];
         let evidence = Price::of(candidate, entry.columns, family.ln_places(entry.candidate)).evidence(gain);
-        (evidence > LEAST_BESIDE).then_some(gain - evidence)
+        (evidence > LEAST_BESIDE).then(|| gain - speaks(family.ln_p(candidate, evidence)))
     };
     let shows = |pair: Pair| {
         let [first, second] = pair.entries.map(|place| &library.entries[place]);
         let of_first = cost(first, pair.gain - pair.alone[1])?;
         let of_second = cost(second, pair.gain - pair.alone[0])?;
-        let shown = pair.gain - of_first - of_second;
-        (shown > least).then_some((shown, [first, second]))
+        let said = pair.gain - of_first - of_second;
+        (said > least).then_some((said, [first, second]))
     };
     let mut pairs: Vec<(f64, [&Entry; 2])> =
         library.pairs(least, FURTHER).into_iter().filter_map(shows).collect();
@@ -239,7 +238,29 @@ pub fn promising_pairs(
     let term = |entry: &Entry| {
         Term::new(entry.candidate, &case.candidates[entry.candidate], &entry.point, case.time_s)
     };
-    pairs.into_iter().map(|(_, pair)| pair.map(term)).collect()
+    pairs.into_iter().map(|(said, pair)| (said, pair.map(term))).collect()
+}
+
+/// The best terms of a library that promise to say more than `least`, and what they promise: at most so many.
+pub fn promising_terms(
+    case: &Case<'_>,
+    library: &Library,
+    family: &Family,
+    least: f64,
+    most: usize,
+) -> Vec<(f64, Term)> {
+    let said = |promise: Promise| {
+        let said = speaks(family.ln_p(&case.candidates[promise.candidate], promise.evidence));
+        (said > least).then_some((said, promise))
+    };
+    let promises = promises_of_library(case.candidates, library, family);
+    let mut promises: Vec<(f64, Promise)> = promises.into_iter().filter_map(said).collect();
+    promises.sort_by(|a, b| b.0.total_cmp(&a.0));
+    promises.truncate(most);
+    let term = |Promise { candidate, starts, .. }: Promise| {
+        Term::new(candidate, &case.candidates[candidate], &starts[0], case.time_s)
+    };
+    promises.into_iter().map(|(said, promise)| (said, term(promise))).collect()
 }
 
 /// Refines the non-linear parameters of the terms of `wanted` candidates, each beside the others; whether there were any.

@@ -28,16 +28,15 @@ use crate::catalogue::{Candidate, NoiseChange, ReadingFault, Search, Target};
 use crate::description::{Term, blocks_of};
 use crate::explanation::Fit;
 use crate::hold_out::hold_out;
+use crate::instead::{Others, PairInstead, may_be_noise, places_of, two_for_one};
 use crate::jump::{jumps, shown_beside};
-use crate::library::{FURTHEST_ALIKE, Library, Purpose};
+use crate::library::{Library, Purpose};
 use crate::noise::Knob;
 use crate::noise_change::ChangeFit;
 use crate::noise_fit::whittle_jointly;
 use crate::nominal::Model;
 use crate::price::Price;
-use crate::search::{
-    Family, Promise, Proposal, deterministic, evaluate, library, promises, promising_pairs, refine_terms,
-};
+use crate::search::{Family, Promise, Proposal, deterministic, evaluate, library, promises, refine_terms};
 use crate::state::{Accepted, Bench, Case, State, refitted, refitted_above};
 use crate::watch::Phase;
 
@@ -49,16 +48,11 @@ const MOST_TERMS_FIRST: usize = 4;
 const FOR_OTHERS: f64 = 1.0 / 3.0;
 /// Part of what that leaves which is for pairs of terms.
 const FOR_PAIRS: f64 = 0.2;
-/// Nats less than what they replace that pairs may promise, as more may be found beside them.
-const PAIR_BEHIND: f64 = 5.0;
-/// Pairs that are fitted in the place of the same items, and those of them from which the search goes on.
-const PAIRS_TRIED: usize = 8;
-const PAIRS_FOLLOWED: usize = 2;
-/// Part of a signature that must be left beside a constant: with less the reference is so far that nothing of the two is known apart.
-const FURTHEST_FROM_REFERENCE: f64 = 1e-3;
 /// Nats by which another description by way of a pair, or without a term, must be the better one: where they are nearly as good, what was
 /// found one by one stands.
 const WORTH_OTHER_TERMS: f64 = 1.0;
+/// Rounds of seeking others in the place of what is found, where sources meet and each may be the better description.
+const ROUNDS_WHERE_SOURCES_MEET: usize = 3;
 /// Rounds, those that take something back included.
 const MOST_ROUNDS: usize = 2 * MOST_FINDINGS;
 /// Findings in whose number the progress is told, as it is not known how many there will be.
@@ -73,8 +67,6 @@ const JUDGED_BESIDE_FREE_NOISE: usize = 6;
 const SAME_NATS: f64 = 0.05;
 /// Nats, above the price of its search, from which on an item is significant whatever its family.
 const BEYOND_DOUBT: f64 = 50.0;
-/// The effect that is the same at all times.
-const CONSTANT: &str = "bias_constant";
 /// The effect that is a decay from the start on.
 const WARMUP: &str = "bias_warmup";
 /// Most parts of a noise of which the user says nothing.
@@ -100,6 +92,13 @@ pub struct Shown {
     pub ln_p: f64,
 }
 
+impl Shown {
+    /// Its gain that does not speak for it, nats.
+    pub fn cost(&self) -> f64 {
+        self.gain - speaks(self.ln_p)
+    }
+}
+
 /// What was selected.
 pub struct Selection<'c> {
     /// The description.
@@ -118,25 +117,6 @@ pub struct Selection<'c> {
     pub null: State,
     /// Whether the search ended at its budget of work.
     pub exceeded: bool,
-}
-
-/// Two terms that describe together what one of the description does.
-#[derive(Clone, Debug)]
-pub struct PairInstead {
-    /// Candidate of the one.
-    pub of: usize,
-    /// The two.
-    pub terms: [Term; 2],
-    /// How much less the description with them is worth, nats.
-    pub behind_nats: f64,
-}
-
-impl PairInstead {
-    /// Whether `state`, which may be a better one than that it was compared with, has the one and neither of the two.
-    fn stands_beside(&self, state: &State) -> bool {
-        let has = |candidate: usize| state.terms.iter().any(|term| term.candidate == candidate);
-        has(self.of) && !self.terms.iter().any(|term| has(term.candidate))
-    }
 }
 
 /// Way on.
@@ -209,27 +189,35 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
         of_terms = of_terms.or(with_terms);
     }
     let mut pairs = Vec::new();
-    let sources = 0..case.model.sources.len();
-    // Of all sources the best first, and then what terms first led to, with what is left of the budget.
-    for (is_of_best, source) in sources.clone().map(|it| (true, it)).chain(sources.map(|it| (false, it))) {
-        let starts = if is_of_best {
-            pairs_instead(case, &best.1, source, &family, ln_level, &mut for_pairs)
-        } else {
-            let may_be_noise = |it: &&Start| may_be_noise(case, &best.1.0, &it.0, source);
-            of_terms.as_ref().filter(may_be_noise).map_or_else(Vec::new, |(state, prices)| {
-                any_two_instead(case, (state, prices), source, &family, ln_level, &mut for_pairs)
-            })
-        };
-        for (start, prices) in starts {
-            let walked = from(start, prices, Way::Best, &mut for_pairs);
-            if walked.joined {
-                continue;
+    let others = Others { case, family: &family, ln_level };
+    let places = places_of(case.model);
+    // In all places of the best first, and then of what terms first led to, with what is left of the budget.
+    for (is_of_best, place) in places.iter().map(|it| (true, it)).chain(places.iter().map(|it| (false, it))) {
+        let rounds = if is_of_best && place.len() > 1 { ROUNDS_WHERE_SOURCES_MEET } else { 1 };
+        for _ in 0..rounds {
+            let starts = if is_of_best {
+                others.instead(&best.1, place, &mut for_pairs)
+            } else {
+                let may_be_noise = |it: &&Start| may_be_noise(case, &best.1.0, &it.0, place);
+                of_terms.as_ref().filter(may_be_noise).map_or_else(Vec::new, |(state, prices)| {
+                    others.two_instead((state, prices), place, &mut for_pairs)
+                })
+            };
+            let before = best.0;
+            for (start, prices) in starts {
+                let walked = from(start, prices, Way::Best, &mut for_pairs);
+                if walked.joined {
+                    continue;
+                }
+                let other = valued(walked.found, &mut for_pairs);
+                if other.0 > best.0 + WORTH_OTHER_TERMS {
+                    best = other;
+                } else if is_of_best {
+                    pairs.extend(two_for_one(&best.1.0, &other.1.0, best.0 - other.0));
+                }
             }
-            let other = valued(walked.found, &mut for_pairs);
-            if other.0 > best.0 + WORTH_OTHER_TERMS {
-                best = other;
-            } else if is_of_best {
-                pairs.extend(two_for_one(&best.1.0, &other.1.0, best.0 - other.0));
+            if best.0 <= before {
+                break;
             }
         }
     }
@@ -288,78 +276,8 @@ pub fn judged_again<'c>(case: &'c Case<'c>, selection: Selection<'_>, level: f64
     Selection { state, bench, family, shown, prices, pairs, null, exceeded }
 }
 
-/// Whether slow noise of a source is several terms in another description, that which terms first led to: together they look like it, and
-/// those that were found one after the other may have begun with one that looks like two of them.
-fn may_be_noise(case: &Case<'_>, with_noise: &State, of_terms: &State, source: usize) -> bool {
-    let is_slow =
-        |change: &Accepted| change.source == source && change.knobs.iter().any(|&knob| is_slow(knob));
-    let own = of_terms.terms.iter().filter(|term| is_of(case, term.candidate, source));
-    with_noise.changes.iter().any(is_slow) && own.count() > 1 && identity(with_noise) != identity(of_terms)
-}
-
-/// Descriptions with two terms in the place of what a source has.
-fn pairs_instead(
-    case: &Case<'_>,
-    found: &Found<'_>,
-    source: usize,
-    family: &Family,
-    ln_level: f64,
-    budget: &mut Budget,
-) -> Vec<Start> {
-    let (state, _, prices) = found;
-    let mut starts = any_two_instead(case, (state, prices), source, family, ln_level, budget);
-    starts.extend(beside_a_constant(case, found, source, family, ln_level, budget));
-    starts
-}
-
-/// Descriptions in which the terms of a source, one of them, or an oscillation are replaced by two that promise as much together.
-///
-/// A search that takes one term at a time may take one that looks like the sum of two, beside which neither shows: a lag for a constant
-/// and a drift. An oscillating error imitates whatever two terms have the frequency of a motion, a lag and a scale factor. Other changes of
-/// noise stay: slow noise is imitated by whatever shapes it takes.
-fn any_two_instead(
-    case: &Case<'_>,
-    (state, prices): (&State, &[Price]),
-    source: usize,
-    family: &Family,
-    ln_level: f64,
-    budget: &mut Budget,
-) -> Vec<Start> {
-    let is_of_source = |candidate: usize| is_of(case, candidate, source);
-    let own = (0..state.terms.len()).filter(|&place| is_of_source(state.terms[place].candidate));
-    let own: Vec<Item> = own.map(Item::Term).collect();
-    let is_oscillation =
-        |change: &Accepted| change.source == source && change.change == NoiseChange::ExponentialCosine;
-    let oscillations =
-        (0..state.changes.len()).filter(|&place| is_oscillation(&state.changes[place])).map(Item::Change);
-    let mut replaced: Vec<Vec<Item>> =
-        own.iter().copied().chain(oscillations).map(|item| vec![item]).collect();
-    if own.len() > 1 {
-        replaced.push(own);
-    }
-    if replaced.is_empty() {
-        return Vec::new();
-    }
-    let blocks = blocks_with(case.model, source);
-    let all = shown(case, state, prices, family);
-    let mut starts = Vec::new();
-    for items in replaced {
-        if case.watch.is_cancelled() || !budget.affords(of_round(case, state, &blocks)) {
-            break;
-        }
-        let (less, less_prices) = without_all(case, state, prices, &items);
-        let (less, bench) = refitted(case, &less, Some(&blocks));
-        let least = shown_by(&all, &items, state, &less) - PAIR_BEHIND;
-        let pairs = promising_pairs(&bench, family, &is_of_source, least, PAIRS_TRIED);
-        let exact =
-            |pair: [Term; 2]| with_pair(case, &less, &less_prices, pair, (family, ln_level, FURTHEST_ALIKE));
-        starts.extend(followed(pairs.into_par_iter().filter_map(exact), least));
-    }
-    starts
-}
-
 /// A description without some of its items, everything else as it was, and the prices of what is left.
-fn without_all(case: &Case<'_>, state: &State, prices: &[Price], items: &[Item]) -> (State, Vec<Price>) {
+pub fn without_all(case: &Case<'_>, state: &State, prices: &[Price], items: &[Item]) -> (State, Vec<Price>) {
     let (mut less, mut less_prices) = (state.clone(), prices.to_vec());
     let place = |item: &Item| match *item {
         Item::Term(place) | Item::Change(place) => place,
@@ -374,104 +292,6 @@ fn without_all(case: &Case<'_>, state: &State, prices: &[Price], items: &[Item])
         }
     }
     (less, less_prices)
-}
-
-/// What items of a description show, of which it is known what each shows beside all others, over the one without them.
-fn shown_by(all: &[(Item, Shown)], items: &[Item], with: &State, less: &State) -> f64 {
-    let of_them = all.iter().filter(|(item, _)| items.contains(item));
-    let costs: f64 = of_them.map(|(_, shown)| shown.gain - shown.evidence).sum();
-    with.log_likelihood - less.log_likelihood - costs
-}
-
-/// Descriptions in which the terms of a source, or the slow noise of one without terms, are replaced by a constant and one term more.
-///
-/// What depends on a quantity counted from a reference, where the readings have no error in the mean, shows with a constant beside it only:
-/// neither shows alone, and far from the reference the two are more alike than those of other pairs may be.
-fn beside_a_constant(
-    case: &Case<'_>,
-    (state, _, prices): &Found<'_>,
-    source: usize,
-    family: &Family,
-    ln_level: f64,
-    budget: &mut Budget,
-) -> Vec<Start> {
-    let wanted = |candidate: usize| is_of(case, candidate, source);
-    let is_constant =
-        |candidate: usize| wanted(candidate) && case.candidates[candidate].effect.id == CONSTANT;
-    let Some(constant) = (0..case.candidates.len()).find(|&candidate| is_constant(candidate)) else {
-        return Vec::new();
-    };
-    let is_noise =
-        |change: &Accepted| change.source == source && change.knobs.iter().any(|&knob| is_slow(knob));
-    let terms = (0..state.terms.len()).filter(|&place| wanted(state.terms[place].candidate));
-    let mut replaced: Vec<Item> = terms.map(Item::Term).collect();
-    if replaced.is_empty() {
-        replaced.extend(state.changes.iter().position(is_noise).map(Item::Change));
-    }
-    let blocks = blocks_with(case.model, source);
-    let has_constant = state.terms.iter().any(|term| term.candidate == constant);
-    if has_constant || replaced.is_empty() || !budget.affords(of_round(case, state, &blocks)) {
-        return Vec::new();
-    }
-    let (less, less_prices) = without_all(case, state, prices, &replaced);
-    let (less, _) = refitted(case, &less, Some(&blocks));
-    let least = shown_by(&shown(case, state, prices, family), &replaced, state, &less) - PAIR_BEHIND;
-    let constant = Term::new(constant, &case.candidates[constant], &[], case.time_s);
-    let terms = [less.terms.as_slice(), std::slice::from_ref(&constant)].concat();
-    let bench = Bench::new(case, &terms, &less.noises);
-    let beside = deterministic(&bench, &library(&bench, &wanted), family, &wanted);
-    let exact = |proposal: Proposal| {
-        let pair = [constant.clone(), proposal.term];
-        with_pair(case, &less, &less_prices, pair, (family, ln_level, FURTHEST_FROM_REFERENCE))
-    };
-    followed(beside.into_par_iter().take(PAIRS_TRIED).filter_map(exact), least)
-}
-
-/// Of descriptions and what their pairs show those that show most, and more than `least`.
-fn followed(pairs: impl ParallelIterator<Item = (f64, Start)>, least: f64) -> Vec<Start> {
-    let mut pairs: Vec<(f64, Start)> = pairs.filter(|(shown, _)| *shown > least).collect();
-    pairs.sort_by(|a, b| b.0.total_cmp(&a.0));
-    pairs.into_iter().take(PAIRS_FOLLOWED).map(|(_, start)| start).collect()
-}
-
-/// Whether a candidate is about the output, or the input, that a source is.
-fn is_of(case: &Case<'_>, candidate: usize, source: usize) -> bool {
-    let (candidate, origin) = (&case.candidates[candidate], &case.model.sources[source]);
-    candidate.target == Target::Sensor(origin.sensor) && candidate.port == origin.port
-}
-
-/// A description with two more terms, each at its best and significant beside the other, and what they show together.
-fn with_pair(
-    case: &Case<'_>,
-    less: &State,
-    prices: &[Price],
-    [first, second]: [Term; 2],
-    (family, ln_level, furthest_alike): (&Family, f64, f64),
-) -> Option<(f64, Start)> {
-    let at_its_best = |term: &Term, beside: &Term| {
-        let mut with = less.clone();
-        with.terms.push(beside.clone());
-        let bench = Bench::new(case, &with.terms, &with.noises);
-        let wanted = |candidate: usize| candidate == term.candidate;
-        deterministic(&bench, &library(&bench, &wanted), family, &wanted).into_iter().next()
-    };
-    let second = at_its_best(&second, &first)?;
-    let first = at_its_best(&first, &second.term)?;
-    let is_significant = |proposal: &Proposal| {
-        family.ln_p(&case.candidates[proposal.term.candidate], proposal.evidence) <= ln_level
-    };
-    let bench = Bench::new(case, &less.terms, &less.noises);
-    let apart = bench.angle_deg(&first.term, &second.term).to_radians().sin().powi(2);
-    if apart < furthest_alike || !(is_significant(&first) && is_significant(&second)) {
-        return None;
-    }
-    let cost = first.gain - first.evidence + second.gain - second.evidence;
-    let (mut with, mut prices) = (less.clone(), prices.to_vec());
-    for proposal in [first, second] {
-        add_term(&mut with, &mut prices, proposal);
-    }
-    let (with, _) = refitted(case, &with, None);
-    Some((with.log_likelihood - less.log_likelihood - cost, (with, prices)))
 }
 
 /// What a round takes.
@@ -491,7 +311,7 @@ enum Way {
 }
 
 /// The blocks in whose channels several sources meet.
-fn several_sources(model: &Model) -> impl Iterator<Item = usize> + '_ {
+pub fn several_sources(model: &Model) -> impl Iterator<Item = usize> + '_ {
     (0..model.blocks.len()).filter(|&block| model.blocks[block].channels < model.blocks[block].sources.len())
 }
 
@@ -590,22 +410,24 @@ struct Walked<'c> {
 }
 
 /// A description and the prices of its terms.
-type Start = (State, Vec<Price>);
+pub type Start = (State, Vec<Price>);
 
 /// A description, whitened, and the prices of its terms.
-type Found<'c> = (State, Bench<'c>, Vec<Price>);
+pub type Found<'c> = (State, Bench<'c>, Vec<Price>);
 
-/// Log-likelihood less what the items cost: of each the difference of its gain and of what its family-wise probability p says against
-/// there being nothing, which is less than −ln p. Whatever is supposed of sizes, nothing is behind by a factor of −1/(e p ln p) at most
-/// (Sellke, Bayarri, Berger, Am. Stat. 55, 2001, 62): what is told by two items has to pay for the size of the second.
+/// What an item of a family-wise probability p says for a description, nats: less than −ln p, as whatever is supposed of its size, that there
+/// is nothing is behind by a factor of −1/(e p ln p) at most (Sellke, Bayarri, Berger, Am. Stat. 55, 2001, 62). What is told by two items has
+/// to pay for the size of the second.
+pub fn speaks(ln_p: f64) -> f64 {
+    // The gain of what is beyond doubt is at least what is told; its logarithm is that of where doubt ends.
+    let against = (-ln_p).max(1.0);
+    against - against.min(BEYOND_DOUBT).ln() - 1.0
+}
+
+/// Log-likelihood less what the items cost: of each the difference of its gain and of what it says against there being nothing.
 fn worth(case: &Case<'_>, (state, _, prices): &Found<'_>, family: &Family) -> f64 {
-    let speaks = |shown: &Shown| {
-        // The gain of what is beyond doubt is at least what is told; its logarithm is that of where doubt ends.
-        let against = (-shown.ln_p).max(1.0);
-        against - against.min(BEYOND_DOUBT).ln() - 1.0
-    };
-    let cost = |(_, shown): &(Item, Shown)| shown.gain - speaks(shown);
-    state.log_likelihood - shown(case, state, prices, family).iter().map(cost).sum::<f64>()
+    let shown = shown(case, state, prices, family);
+    state.log_likelihood - shown.iter().map(|(_, shown)| shown.cost()).sum::<f64>()
 }
 
 /// Rounds of the search from a description and the prices of its terms.
@@ -779,7 +601,7 @@ fn swallowed(case: &Case<'_>, state: &State, bench: &Bench<'_>, family: &Family)
 }
 
 /// Whether a noise parameter is of a part that remembers.
-fn is_slow(knob: Knob) -> bool {
+pub fn is_slow(knob: Knob) -> bool {
     !matches!(knob, Knob::White | Knob::Angle | Knob::StepRatio)
 }
 
@@ -831,7 +653,8 @@ pub fn touches(case: &Case<'_>, candidate: usize, blocks: &[usize]) -> bool {
     }
 }
 
-fn add_term(state: &mut State, prices: &mut Vec<Price>, proposal: Proposal) {
+/// Adds a term.
+pub fn add_term(state: &mut State, prices: &mut Vec<Price>, proposal: Proposal) {
     prices.push(proposal.price);
     state.terms.push(proposal.term);
 }
@@ -855,20 +678,8 @@ fn item_of(state: &State, candidate: usize) -> Option<Item> {
     change.or_else(|| state.terms.iter().position(|term| term.candidate == candidate).map(Item::Term))
 }
 
-/// The two terms that `other` has for one of `state`, where that is all in which they differ.
-fn two_for_one(state: &State, other: &State, behind_nats: f64) -> Option<PairInstead> {
-    let only_in = |a: &State, b: &State| -> Vec<Term> {
-        let is_in_b = |term: &&Term| b.terms.iter().any(|other| other.candidate == term.candidate);
-        a.terms.iter().filter(|term| !is_in_b(term)).cloned().collect()
-    };
-    let of = only_in(state, other).try_into().ok().map(|[one]: [Term; 1]| one.candidate)?;
-    let terms = only_in(other, state).try_into().ok()?;
-    let alike = identity(state).1 == identity(other).1 && state.terms.len() + 1 == other.terms.len();
-    alike.then_some(PairInstead { of, terms, behind_nats })
-}
-
 /// The candidates that a state consists of, whatever their order.
-fn identity(state: &State) -> (Vec<usize>, Vec<usize>) {
+pub fn identity(state: &State) -> (Vec<usize>, Vec<usize>) {
     let mut terms: Vec<usize> = state.terms.iter().map(|term| term.candidate).collect();
     let mut changes: Vec<usize> = state.changes.iter().map(|change| change.candidate).collect();
     terms.sort_unstable();
@@ -1176,7 +987,7 @@ pub fn evidence_of(bench: &Bench<'_>, item: Item, by_gain: f64) -> f64 {
 }
 
 /// What each item shows beside all others; of one that is significant beyond doubt, nearly.
-fn shown(case: &Case<'_>, state: &State, prices: &[Price], family: &Family) -> Vec<(Item, Shown)> {
+pub fn shown(case: &Case<'_>, state: &State, prices: &[Price], family: &Family) -> Vec<(Item, Shown)> {
     shown_up_to(case, state, prices, family, BEYOND_DOUBT)
 }
 
