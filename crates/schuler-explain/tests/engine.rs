@@ -6,6 +6,7 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal, StandardUniform};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
+use schuler_explain::budget::Budget;
 use schuler_explain::catalogue::{
     Amplitude, CATALOGUE, Candidate, Column, Effect, NoiseChange, Nonlinear, OnsetShape, Port, ReadingFault,
     Search, Signature, Target,
@@ -15,6 +16,7 @@ use schuler_explain::description::Term;
 use schuler_explain::explain::{Error, Options, explain, explain_with};
 use schuler_explain::explanation::{Explanation, Verdict};
 use schuler_explain::inputs::Inputs;
+use schuler_explain::instead::{Others, places_of};
 use schuler_explain::jump::{jumps, shown_beside};
 use schuler_explain::library::{Library, Purpose};
 use schuler_explain::noise::Knob;
@@ -204,6 +206,17 @@ fn recording(series: Vec<Vec<f64>>) -> Recording {
         common::series(&format!("sensor_{index}"), kind, [1.0, 0.0, 0.0], nominal.clone(), values)
     });
     common::recording(MotionKind::Static, sensors.collect())
+}
+
+/// Five sensors on a cone in an unknown motion.
+fn block_of_five(series: Vec<Vec<f64>>) -> Recording {
+    let mut block = recording(series);
+    block.case.motion.kind = MotionKind::Unknown;
+    for (place, series) in block.sensors.iter_mut().enumerate() {
+        let (sin, cos) = (1.2 * place as f64).sin_cos();
+        series.sensor.axis = Some([0.6 * cos, 0.6 * sin, 0.8]);
+    }
+    block
 }
 
 fn answer(series: Vec<Vec<f64>>, hold_out: bool) -> Result<Explanation, Error> {
@@ -1718,12 +1731,7 @@ fn gains_of_all_candidates_are_those_of_each() {
         let unread = |row: usize| if (500..520).contains(&row) { f64::NAN } else { waved(row) };
         vec![linear(&TREND, &|row| row as f64 / length), linear(&WAVE, &waved), linear(&WAVE_RATE, &unread)]
     };
-    let mut redundant = recording((0..5).map(|seed| noise(600 + seed, ROWS)).collect());
-    redundant.case.motion.kind = MotionKind::Unknown;
-    for (place, series) in redundant.sensors.iter_mut().enumerate() {
-        let (sin, cos) = (1.2 * place as f64).sin_cos();
-        series.sensor.axis = Some([0.6 * cos, 0.6 * sin, 0.8]);
-    }
+    let redundant = block_of_five((0..5).map(|seed| noise(600 + seed, ROWS)).collect());
     let of = schuler_loop();
     let kind = (SensorKind::InsVelocity, Unit::MetrePerSecond);
     let velocity =
@@ -1763,6 +1771,101 @@ fn gains_of_all_candidates_are_those_of_each() {
             }
         }
     }
+}
+
+/// Beside what stays when terms are left out, the library tells what a whitening without them does, of each and of two together.
+#[test]
+fn a_library_that_leaves_terms_out_tells_what_is_left() {
+    let length = ROWS as f64;
+    let series = (0..5).map(|place| {
+        let size = [3.0, 0.0, -2.0, 0.0, 1.0][place];
+        with(noise(640 + place as u64, ROWS), |time| size * wave(time, length) + 2.0 * size * time / length)
+    });
+    let recording = block_of_five(series.collect());
+    let candidates = candidates(ROWS, 5);
+    let model = Model::new(&recording, &[]).unwrap();
+    let time_s: Vec<f64> = recording.elapsed_s().collect();
+    let case = Case::new(&model, &candidates, &time_s, &Unwatched);
+    let linear = |candidate: usize| matches!(candidates[candidate].search, Search::Linear(_));
+    let term = |sensor: usize, id: &str| {
+        let is_it =
+            |candidate: &Candidate| candidate.effect.id == id && candidate.target == Target::Sensor(sensor);
+        let index = candidates.iter().position(is_it).unwrap();
+        Term::new(index, &candidates[index], &[], &time_s)
+    };
+    let terms = [term(0, "wave"), term(2, "trend"), term(4, "wave")];
+    let bench = |terms: &[Term]| Bench::new(&case, terms, &model.nominal_noises());
+    let mut library = Library::new(&bench(&terms), Purpose::Pairs, &linear);
+    let whole = library.described();
+    for left_out in [vec![1], vec![0, 2]] {
+        library.leave_out(&left_out);
+        let stay = (0..terms.len()).filter(|place| !left_out.contains(place));
+        let stay: Vec<Term> = stay.map(|place| terms[place].clone()).collect();
+        let (less, near) =
+            (bench(&stay), |told: f64, exact: f64, part: f64| (told - exact).abs() < part * (1.0 + exact));
+        let lost = bench(&terms).log_likelihood - less.log_likelihood;
+        assert!(near(whole - library.described(), lost, 1e-6), "{} {lost}", whole - library.described());
+        let of = |place: usize| {
+            let candidate = library.entries[place].candidate;
+            Term::new(candidate, &candidates[candidate], &[], &time_s)
+        };
+        for (place, told) in library.gains().into_iter().enumerate() {
+            let (gain, _) = less.gain_of(&of(place));
+            assert!(near(told.gain, gain, 1e-3), "{left_out:?} {place} {} {gain}", told.gain);
+        }
+        let pairs = library.pairs(10.0, 0.0);
+        assert!(pairs.len() > 20, "{}", pairs.len());
+        for pair in pairs {
+            let with = [stay.as_slice(), &pair.entries.map(of)].concat();
+            let gain = bench(&with).log_likelihood - less.log_likelihood;
+            assert!(near(pair.gain, gain, 0.01), "{left_out:?} {pair:?} {gain}");
+        }
+    }
+    library.leave_out(&[]);
+    assert!((library.described() - whole).abs() < 1e-9);
+}
+
+/// An effect of one sensor of a redundant set is the sum of the same effect of two others, each of another size.
+#[test]
+fn in_the_place_of_an_effect_of_two_sensors_that_of_a_third_is_tried() {
+    let length = ROWS as f64;
+    let series = (0..5).map(|place| {
+        with(noise(680 + place, ROWS), |time| match place {
+            2 => 3.0 * wave(time, length),
+            4 => 6.0 * time / length,
+            _ => 0.0,
+        })
+    });
+    let recording = block_of_five(series.collect());
+    let candidates = candidates(ROWS, 5);
+    let model = Model::new(&recording, &[]).unwrap();
+    let time_s: Vec<f64> = recording.elapsed_s().collect();
+    let case = Case::new(&model, &candidates, &time_s, &Unwatched);
+    let bench = Bench::new(&case, &[], &model.nominal_noises());
+    let family = Family::new(&candidates, &Library::new(&bench, Purpose::NullDistribution, &|_| true));
+    let of = |sensor: usize, id: &str| {
+        let is_it =
+            |candidate: &Candidate| candidate.effect.id == id && candidate.target == Target::Sensor(sensor);
+        candidates.iter().position(is_it).unwrap()
+    };
+    let told = [of(0, "wave"), of(4, "trend"), of(1, "wave")];
+    let state = State {
+        terms: told.map(|index| Term::new(index, &candidates[index], &[], &time_s)).to_vec(),
+        noises: model.nominal_noises(),
+        changes: Vec::new(),
+        nuisances: Vec::new(),
+        log_likelihood: f64::NEG_INFINITY,
+    };
+    let (state, _) = refitted(&case, &state, None);
+    let prices = told.map(|index| Price::of(&candidates[index], 1, 0.0));
+    let others = Others { case: &case, family: &family, ln_level: 0.01_f64.ln() };
+    let place: Vec<usize> = (0..5).collect();
+    assert_eq!(places_of(&model), [place.clone()]);
+    let starts = others.two_instead((&state, &prices), &place, &mut Budget::new(&model));
+    let mut best: Vec<usize> = starts[0].0.terms.iter().map(|term| term.candidate).collect();
+    best.sort_unstable();
+    assert_eq!(best, [of(2, "wave"), of(4, "trend")]);
+    assert_eq!(starts[0].1.len(), 2);
 }
 
 /// Items that show nothing leave together, but not two that show nothing beside each other only.
