@@ -27,6 +27,8 @@ const TERMS_CONSIDERED: usize = 3;
 /// Those of all that are fitted exactly, and those of them from which the search goes on.
 const TRIED: usize = 12;
 const FOLLOWED: usize = 4;
+/// Terms up to which any two are left out together.
+const MOST_IN_TWOS: usize = 10;
 /// Terms that are fitted beside a constant, and those of them from which the search goes on.
 const TRIED_BESIDE_A_CONSTANT: usize = 8;
 const FOLLOWED_BESIDE_A_CONSTANT: usize = 2;
@@ -54,16 +56,18 @@ impl PairInstead {
     }
 }
 
-/// The two terms that `other` has for one of `state`, where that is all in which they differ.
-pub fn two_for_one(state: &State, other: &State, behind_nats: f64) -> Option<PairInstead> {
+/// The two terms that `other` has for one of `state`, all of one sensor, where that is all in which they differ.
+pub fn two_for_one(case: &Case<'_>, state: &State, other: &State, behind_nats: f64) -> Option<PairInstead> {
     let only_in = |a: &State, b: &State| -> Vec<Term> {
         let is_in_b = |term: &&Term| b.terms.iter().any(|other| other.candidate == term.candidate);
         a.terms.iter().filter(|term| !is_in_b(term)).cloned().collect()
     };
     let of = only_in(state, other).try_into().ok().map(|[one]: [Term; 1]| one.candidate)?;
-    let terms = only_in(other, state).try_into().ok()?;
+    let terms: [Term; 2] = only_in(other, state).try_into().ok()?;
+    let target = |candidate: usize| &case.candidates[candidate].target;
+    let of_one_sensor = terms.iter().all(|term| target(term.candidate) == target(of));
     let alike = identity(state).1 == identity(other).1 && state.terms.len() + 1 == other.terms.len();
-    alike.then_some(PairInstead { of, terms, behind_nats })
+    (alike && of_one_sensor).then_some(PairInstead { of, terms, behind_nats })
 }
 
 /// Where terms may stand for each other: sources that meet in the channels of a block together, all others each for itself.
@@ -178,6 +182,9 @@ impl Others<'_, '_> {
             let mut library = Library::new(&bench, Purpose::Pairs, &is_of_place);
             let whole = library.described();
             for left_out in sets(&terms, aside, meet) {
+                if case.watch.is_cancelled() {
+                    break;
+                }
                 let costs =
                     aside.map_or(0.0, cost) + left_out.iter().map(|&at| cost(Item::Term(at))).sum::<f64>();
                 // Terms behind one that is aside are a place further to the front.
@@ -194,8 +201,8 @@ impl Others<'_, '_> {
                 let others = pairs.into_iter().map(|(said, pair)| (said, pair.to_vec())).chain(singles);
                 let is_new = |(_, terms): &(f64, Vec<Term>)| {
                     let again =
-                        |&at: &usize| terms.iter().any(|term| term.candidate == base.0.terms[at].candidate);
-                    aside.is_some() || !left_out.iter().all(again)
+                        |term: &Term| left_out.iter().any(|&at| base.0.terms[at].candidate == term.candidate);
+                    !terms.iter().all(again)
                 };
                 promised.extend(others.filter(is_new).map(|(said, terms)| Promised {
                     base: starts.len(),
@@ -208,6 +215,17 @@ impl Others<'_, '_> {
             starts.push(base);
         }
         promised.sort_by(|a, b| b.more.total_cmp(&a.more));
+        // One for two of which the other comes back is one for one.
+        let mut seen = vec![identity(state)];
+        promised.retain(|Promised { base, left_out, terms, .. }| {
+            let (state, prices) = &starts[*base];
+            let mut with = without_all(case, state, prices, left_out).0;
+            with.terms.extend(terms.iter().cloned());
+            let own = identity(&with);
+            let is_new = !seen.contains(&own);
+            seen.push(own);
+            is_new
+        });
         promised.truncate(TRIED);
         let exact = |Promised { base, left_out, terms, least, .. }: &Promised| {
             let (state, prices) = &starts[*base];
@@ -215,9 +233,7 @@ impl Others<'_, '_> {
             let (worth, start) = self.with(&less, terms, FURTHEST_ALIKE)?;
             (worth > *least).then_some((worth - least, start))
         };
-        let mut exact: Vec<(f64, Start)> = promised.par_iter().filter_map(exact).collect();
-        exact.retain(|(_, start)| identity(&start.0) != identity(state));
-        followed(exact, FOLLOWED)
+        followed(promised.par_iter().filter_map(exact).collect(), FOLLOWED)
     }
 
     /// Descriptions in which the terms of a source, or the slow noise of one without terms, are replaced by a constant and one term more.
@@ -303,19 +319,20 @@ impl Others<'_, '_> {
     }
 }
 
-/// The terms that are left out together beside what is aside: each, all, and any two where sources meet.
+/// The terms that are left out together: each, all, and any two where sources meet; beside noise that is aside none, and each where sources meet.
 fn sets(terms: &[usize], aside: Option<Item>, meet: bool) -> Vec<Vec<usize>> {
     let each = terms.iter().map(|&term| vec![term]);
-    if aside.is_some() {
-        return std::iter::once(Vec::new()).chain(each.filter(|_| meet)).collect();
-    }
-    let mut sets: Vec<Vec<usize>> = each.collect();
-    if meet {
+    let mut sets: Vec<Vec<usize>> = match aside {
+        Some(_) => std::iter::once(Vec::new()).chain(each.filter(|_| meet)).collect(),
+        None => each.collect(),
+    };
+    if meet && aside.is_none() && terms.len() <= MOST_IN_TWOS {
         for (at, &second) in terms.iter().enumerate() {
             sets.extend(terms[..at].iter().map(|&first| vec![first, second]));
         }
     }
-    if !sets.iter().any(|set| set == terms) {
+    let are_all_terms = !matches!(aside, Some(Item::Change(_)));
+    if are_all_terms && !sets.iter().any(|set| set == terms) {
         sets.push(terms.to_vec());
     }
     sets

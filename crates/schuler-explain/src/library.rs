@@ -214,7 +214,7 @@ pub enum Purpose {
     Gains,
     /// What the best of all would gain where nothing is hidden, and so with their correlations.
     NullDistribution,
-    /// What two entries gain together, onsets at some times among them.
+    /// What one entry or two gain in the place of others, onsets at some times among them.
     Pairs,
 }
 

@@ -16,9 +16,9 @@
 //! What a whole instrument has in common may take what is one sensor's own, and leave its opposite on another: the search goes on without
 //! each term on a sensor that stands beside one on its instrument.
 //!
-//! Two terms may look like a third, beside which neither shows. In the place of the terms of a source all pairs of such are compared, and
-//! the search goes on from the best of them ([`Library::pairs`]). So it does where the best description has slow noise in the place of
-//! several terms of the one that terms first led to, and which may have begun with such a third.
+//! Two terms may look like a third, beside which neither shows. Others are sought in the place of what was found, and the search goes on from
+//! the best of them ([`crate::instead`]). So it does where the best description has slow noise in the place of several terms of the one
+//! that terms first led to, and which may have begun with such a third.
 //!
 //! All that has a budget of work ([`crate::budget`]): the search from nothing has two thirds of it, all others share what it leaves.
 use rayon::prelude::*;
@@ -46,7 +46,7 @@ pub const MOST_FINDINGS: usize = 32;
 const MOST_TERMS_FIRST: usize = 4;
 /// Part of the budget that the search from nothing leaves.
 const FOR_OTHERS: f64 = 1.0 / 3.0;
-/// Part of what that leaves which is for pairs of terms.
+/// Part of what that leaves which is for others in the place of what was found.
 const FOR_PAIRS: f64 = 0.2;
 /// Nats by which another description by way of a pair, or without a term, must be the better one: where they are nearly as good, what was
 /// found one by one stands.
@@ -213,7 +213,7 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
                 if other.0 > best.0 + WORTH_OTHER_TERMS {
                     best = other;
                 } else if is_of_best {
-                    pairs.extend(two_for_one(&best.1.0, &other.1.0, best.0 - other.0));
+                    pairs.extend(two_for_one(case, &best.1.0, &other.1.0, best.0 - other.0));
                 }
             }
             if best.0 <= before {

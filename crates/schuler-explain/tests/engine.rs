@@ -1860,7 +1860,7 @@ fn in_the_place_of_an_effect_of_two_sensors_that_of_a_third_is_tried() {
     let prices = told.map(|index| Price::of(&candidates[index], 1, 0.0));
     let others = Others { case: &case, family: &family, ln_level: 0.01_f64.ln() };
     let place: Vec<usize> = (0..5).collect();
-    assert_eq!(places_of(&model), [place.clone()]);
+    assert_eq!(places_of(&model), std::slice::from_ref(&place));
     let starts = others.two_instead((&state, &prices), &place, &mut Budget::new(&model));
     let mut best: Vec<usize> = starts[0].0.terms.iter().map(|term| term.candidate).collect();
     best.sort_unstable();
