@@ -338,15 +338,8 @@ fn sets(terms: &[usize], aside: Option<Item>, meet: bool) -> Vec<Vec<usize>> {
     sets
 }
 
-/// Of descriptions and what they are worth so many of the best, each once.
+/// Of descriptions and what they are worth so many of the best.
 fn followed(mut starts: Vec<(f64, Start)>, most: usize) -> Vec<Start> {
     starts.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let mut seen = Vec::new();
-    starts.retain(|(_, (state, _))| {
-        let own = identity(state);
-        let is_new = !seen.contains(&own);
-        seen.push(own);
-        is_new
-    });
     starts.into_iter().take(most).map(|(_, start)| start).collect()
 }

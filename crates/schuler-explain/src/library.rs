@@ -8,8 +8,8 @@
 //! signature of an entry is made again only for noises or regressors that are new. The correlations of all columns, which
 //! the null distribution and pairs of entries need, are those of their sketches: rows with random signs summed into `SKETCH` places
 //! (Charikar, Chen & Farach-Colton 2004), by which a correlation ρ has a standard deviation of (1 − ρ²)/√`SKETCH`; a record
-//! that is no longer is exact. Memory is that of a few columns, of R⁻¹ of the data and of each regressor at each sensor, the products and the sketches, and the
-//! work grows as the length.
+//! that is no longer is exact. Memory is that of a few columns, of R⁻¹ of the data and of each regressor at each sensor, the products, the sketches and, where
+//! pairs are sought, their correlations twice over, and the work grows as the length.
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::ops::Range;

@@ -219,6 +219,13 @@ fn block_of_five(series: Vec<Vec<f64>>) -> Recording {
     block
 }
 
+/// Place of an effect of a sensor among the candidates.
+fn of_sensor(candidates: &[Candidate], sensor: usize, id: &str) -> usize {
+    let is_it =
+        |candidate: &Candidate| candidate.effect.id == id && candidate.target == Target::Sensor(sensor);
+    candidates.iter().position(is_it).unwrap()
+}
+
 fn answer(series: Vec<Vec<f64>>, hold_out: bool) -> Result<Explanation, Error> {
     let recording = recording(series);
     let inputs = Inputs::new(&recording);
@@ -1788,9 +1795,7 @@ fn a_library_that_leaves_terms_out_tells_what_is_left() {
     let case = Case::new(&model, &candidates, &time_s, &Unwatched);
     let linear = |candidate: usize| matches!(candidates[candidate].search, Search::Linear(_));
     let term = |sensor: usize, id: &str| {
-        let is_it =
-            |candidate: &Candidate| candidate.effect.id == id && candidate.target == Target::Sensor(sensor);
-        let index = candidates.iter().position(is_it).unwrap();
+        let index = of_sensor(&candidates, sensor, id);
         Term::new(index, &candidates[index], &[], &time_s)
     };
     let terms = [term(0, "wave"), term(2, "trend"), term(4, "wave")];
@@ -1843,11 +1848,7 @@ fn in_the_place_of_an_effect_of_two_sensors_that_of_a_third_is_tried() {
     let case = Case::new(&model, &candidates, &time_s, &Unwatched);
     let bench = Bench::new(&case, &[], &model.nominal_noises());
     let family = Family::new(&candidates, &Library::new(&bench, Purpose::NullDistribution, &|_| true));
-    let of = |sensor: usize, id: &str| {
-        let is_it =
-            |candidate: &Candidate| candidate.effect.id == id && candidate.target == Target::Sensor(sensor);
-        candidates.iter().position(is_it).unwrap()
-    };
+    let of = |sensor: usize, id: &str| of_sensor(&candidates, sensor, id);
     let told = [of(0, "wave"), of(4, "trend"), of(1, "wave")];
     let state = State {
         terms: told.map(|index| Term::new(index, &candidates[index], &[], &time_s)).to_vec(),
