@@ -10,7 +10,11 @@
 //! ```
 //!
 //! Ŝᵤ the spectrum of u: the right weights are those with which the mean has the least power. Where the motion is many times the noise
-//! this says nothing.
+//! this says nothing. What a description says of the readings is taken off them first ([`CommonMotion::without`]): a line in one sensor is
+//! noise of its own otherwise.
+use std::ops::RangeInclusive;
+use std::sync::Arc;
+
 use nalgebra::{Complex, DMatrix, DVector, Matrix3, Matrix3xX, MatrixXx3, Vector3};
 use schuler_recording::Recording;
 
@@ -52,7 +56,23 @@ pub struct CommonMotion {
     /// 1 in the directions that they do not span.
     unseen: Matrix3<f64>,
     step_s: f64,
+    readings: Arc<Readings>,
     bands: Vec<Band>,
+}
+
+/// Readings of redundant sensors as their spectra are made of them.
+#[derive(Debug)]
+struct Readings {
+    /// Rows that all have.
+    present: Vec<bool>,
+    time_s: Vec<f64>,
+    /// Of the taper over these rows.
+    energy: f64,
+    transforms: Vec<Vec<Complex<f64>>>,
+    /// Bins of each band, and what each is multiplied with: steep spectra are flat over a band as parts of what is believed.
+    bins: Vec<(RangeInclusive<usize>, Vec<f64>)>,
+    /// Directions of the motion.
+    directions: f64,
 }
 
 /// Spectra of the readings in a band.
@@ -104,8 +124,24 @@ impl CommonMotion {
         let nominal = |omega: f64| -> f64 {
             block.sources.iter().map(|&source| sources[source].nominal.spectrum(omega, step_s)).sum()
         };
-        let bands = spectra(recording, masked, &sensors, seen.sum(), &nominal)?;
-        Some(Self { sources: block.sources.clone(), axes, unseen, step_s, bands })
+        let readings = Arc::new(Readings::new(recording, masked, &sensors, seen.sum(), &nominal)?);
+        let bands = readings.bands(&[]);
+        Some(Self { sources: block.sources.clone(), axes, unseen, step_s, readings, bands })
+    }
+
+    /// The same without a part of the readings, for each source a series or none.
+    #[must_use]
+    pub fn without(&self, errors: &[Option<Vec<f64>>]) -> Self {
+        if errors.iter().all(Option::is_none) {
+            return self.clone();
+        }
+        let rows = self.readings.present.len();
+        let transform = |errors: &Option<Vec<f64>>| {
+            let tapered = self.readings.tapered(errors.as_ref()?)?;
+            transforms(rows, std::iter::once(tapered.as_slice())).pop()
+        };
+        let less: Vec<Option<Vec<Complex<f64>>>> = errors.iter().map(transform).collect();
+        Self { bands: self.readings.bands(&less), ..self.clone() }
     }
 
     /// What the readings tell of the noises of all sources beside what the residuals do: log-likelihood, up to a constant.
@@ -268,54 +304,87 @@ impl BesideOthers<'_> {
     }
 }
 
-/// Spectra of the sensors' readings in bands, with a motion in so many directions; `nominal` is the sum of the spectra of the noises that the
-/// user believes in.
-fn spectra(
-    recording: &Recording,
-    masked: &[Vec<bool>],
-    sensors: &[usize],
-    directions: f64,
-    nominal: &dyn Fn(f64) -> f64,
-) -> Option<Vec<Band>> {
-    let rows = recording.len();
-    let readings: Vec<Vec<f64>> = sensors.iter().map(|&sensor| of_input(recording, masked, sensor)).collect();
-    // A hole of one is one of all: the motion across it is then bridged in the same way.
-    let present: Vec<bool> =
-        (0..rows).map(|row| readings.iter().all(|values| values[row].is_finite())).collect();
-    if (present.iter().filter(|&&present| present).count() as f64) < LEAST_PRESENT * rows as f64 {
-        return None;
-    }
-    let taper = |row: usize| (std::f64::consts::PI * (row as f64 + 0.5) / rows as f64).sin().powi(2);
-    let energy: f64 = (0..rows).filter(|&row| present[row]).map(|row| taper(row).powi(2)).sum();
-    let time_s: Vec<f64> = recording.elapsed_s().collect();
-    let length = rows.next_power_of_two();
-    let tapered = |values: &Vec<f64>| -> Option<Vec<f64>> {
-        let value = |row: usize| if present[row] { values[row] } else { f64::NAN };
-        let values = bridged(&time_s, &(0..rows).map(value).collect::<Vec<f64>>())?;
-        let mean = mean(&values);
-        Some(values.iter().enumerate().map(|(row, value)| taper(row) * (value - mean)).collect())
-    };
-    let tapered: Vec<Vec<f64>> = readings.iter().map(tapered).collect::<Option<_>>()?;
-    let transforms = transforms(rows, tapered.iter().map(Vec::as_slice));
-    let independent = TAPERED * rows as f64 / length as f64;
-    let of_bins = |bins: std::ops::RangeInclusive<usize>| {
-        let number = bins.clone().count() as f64;
-        let middle = 0.5 * (bins.start() + bins.end()) as f64;
-        let omega = |bin: f64| 2.0 * std::f64::consts::PI * bin / length as f64;
-        // Steep spectra are flat over a band as parts of what is believed.
-        let parts: Vec<f64> =
-            bins.clone().map(|bin| nominal(omega(middle)) / nominal(omega(bin as f64))).collect();
-        let estimate = DMatrix::from_fn(sensors.len(), sensors.len(), |one, other| {
-            let power =
-                |(bin, part): (usize, &f64)| transforms[one][bin] * transforms[other][bin].conj() * *part;
-            bins.clone().zip(&parts).map(power).sum::<Complex<f64>>() / (number * energy)
-        });
-        Band {
-            omega: omega(middle),
-            weight: number * independent,
-            beside: (number * independent - directions).max(0.0),
-            estimate,
+impl Readings {
+    /// `nominal` is the sum of the spectra of the noises that the user believes in; `None` where too few rows are common to all.
+    fn new(
+        recording: &Recording,
+        masked: &[Vec<bool>],
+        sensors: &[usize],
+        directions: f64,
+        nominal: &dyn Fn(f64) -> f64,
+    ) -> Option<Self> {
+        let rows = recording.len();
+        let values: Vec<Vec<f64>> =
+            sensors.iter().map(|&sensor| of_input(recording, masked, sensor)).collect();
+        // A hole of one is one of all: the motion across it is then bridged in the same way.
+        let present: Vec<bool> =
+            (0..rows).map(|row| values.iter().all(|values| values[row].is_finite())).collect();
+        if (present.iter().filter(|&&present| present).count() as f64) < LEAST_PRESENT * rows as f64 {
+            return None;
         }
-    };
-    Some(bands(length, FIRST, BINS, WIDTH).map(of_bins).collect())
+        let energy = (0..rows).filter(|&row| present[row]).map(|row| taper(row, rows).powi(2)).sum();
+        let length = rows.next_power_of_two();
+        let of_bins = |bins: RangeInclusive<usize>| {
+            let at_middle = nominal(omega(middle(&bins), length));
+            let parts = bins.clone().map(|bin| at_middle / nominal(omega(bin as f64, length))).collect();
+            (bins, parts)
+        };
+        let bins = bands(length, FIRST, BINS, WIDTH).map(of_bins).collect();
+        let time_s = recording.elapsed_s().collect();
+        let mut readings = Self { present, time_s, energy, transforms: Vec::new(), bins, directions };
+        let tapered: Vec<Vec<f64>> = values.iter().map(|own| readings.tapered(own)).collect::<Option<_>>()?;
+        readings.transforms = transforms(rows, tapered.iter().map(Vec::as_slice));
+        Some(readings)
+    }
+
+    /// A series of a sensor, of which only the rows that all have are there; `None` where it has no number in any of them.
+    fn tapered(&self, values: &[f64]) -> Option<Vec<f64>> {
+        let rows = self.present.len();
+        let value = |row: usize| if self.present[row] { values[row] } else { f64::NAN };
+        let values = bridged(&self.time_s, &(0..rows).map(value).collect::<Vec<f64>>())?;
+        let mean = mean(&values);
+        let tapered = values.iter().enumerate().map(|(row, value)| taper(row, rows) * (value - mean));
+        Some(tapered.collect())
+    }
+
+    /// Spectra in bands, less what has some transforms.
+    fn bands(&self, less: &[Option<Vec<Complex<f64>>>]) -> Vec<Band> {
+        let rows = self.present.len();
+        let length = rows.next_power_of_two();
+        let independent = TAPERED * rows as f64 / length as f64;
+        let left = |sensor: usize, bin: usize| {
+            let less = less.get(sensor).and_then(Option::as_ref);
+            self.transforms[sensor][bin] - less.map_or(Complex::ZERO, |less| less[bin])
+        };
+        let sensors = self.transforms.len();
+        let of_bins = |(bins, parts): &(RangeInclusive<usize>, Vec<f64>)| {
+            let number = parts.len() as f64;
+            let mut sums = DMatrix::zeros(sensors, sensors);
+            let mut here = DVector::zeros(sensors);
+            for (bin, part) in bins.clone().zip(parts) {
+                here.iter_mut().enumerate().for_each(|(sensor, here)| *here = left(sensor, bin));
+                sums.gerc(Complex::from(part / (number * self.energy)), &here, &here, Complex::from(1.0));
+            }
+            Band {
+                omega: omega(middle(bins), length),
+                weight: number * independent,
+                beside: (number * independent - self.directions).max(0.0),
+                estimate: sums,
+            }
+        };
+        self.bins.iter().map(of_bins).collect()
+    }
+}
+
+fn taper(row: usize, rows: usize) -> f64 {
+    (std::f64::consts::PI * (row as f64 + 0.5) / rows as f64).sin().powi(2)
+}
+
+/// Angular frequency of a bin, rad a step.
+fn omega(bin: f64, length: usize) -> f64 {
+    std::f64::consts::TAU * bin / length as f64
+}
+
+fn middle(bins: &RangeInclusive<usize>) -> f64 {
+    0.5 * (bins.start() + bins.end()) as f64
 }

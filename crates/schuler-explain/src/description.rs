@@ -250,6 +250,35 @@ pub fn project(model: &Model, block: usize, terms: &[Term]) -> Projected {
     projected
 }
 
+/// What those of the terms that are `wanted` add to the readings of each sensor of a block whatever the motion is, in the block's order, with
+/// `amplitudes` as [`Projected::columns`] of all terms; `None` where they add nothing.
+pub fn at_sensors(
+    model: &Model,
+    block: usize,
+    terms: &[Term],
+    amplitudes: &DVector<f64>,
+    wanted: &dyn Fn(&Term) -> bool,
+) -> Vec<Option<Vec<f64>>> {
+    let block = &model.blocks[block];
+    let mut all: Vec<Option<Vec<f64>>> = vec![None; block.sensors.len()];
+    let constants = model.constants.iter().filter(|column| block.is_reached(column, Port::Output)).count();
+    let mut amplitudes = amplitudes.iter().skip(constants);
+    for term in terms {
+        let is_taken = !term.of_the_motion && wanted(term);
+        for column in term.columns.iter().filter(|column| block.is_reached(column, term.port)) {
+            let amplitude = if term.unit_amplitude { Some(&1.0) } else { amplitudes.next() };
+            for (sensor, values) in &column.parts {
+                let own = block.sensors.iter().position(|own| own == sensor).filter(|_| is_taken);
+                if let (Some(own), Some(amplitude)) = (own, amplitude) {
+                    let sum = all[own].get_or_insert_with(|| vec![0.0; block.rows()]);
+                    sum.iter_mut().zip(&**values).for_each(|(sum, value)| *sum += amplitude * value);
+                }
+            }
+        }
+    }
+    all
+}
+
 /// Sums of a block: log-likelihood without regressors, normal matrix and scores of its regressors.
 pub struct Sums {
     /// Log-likelihood with all amplitudes zero.

@@ -130,7 +130,9 @@ pub fn alternatives(
         kept.noises.clone_from(&state.noises);
     }
     let kept_bench = Bench::new(case, &kept.terms, &kept.noises);
-    let free = affordable && blocks.iter().any(|&block| !kept.free_in(model, block).is_empty());
+    let told_beside = |&block: &usize| model.common_motion_of(block).is_some();
+    let is_free = |&block: &usize| !kept.free_in(model, block).is_empty();
+    let free = affordable && blocks.iter().any(|block| is_free(block) || told_beside(block));
     for proposal in deterministic(&kept_bench, &library(&kept_bench, &touched), family, &touched) {
         let (mut gain, mut evidence_here) = (proposal.gain, proposal.evidence);
         if free {
@@ -160,7 +162,7 @@ pub fn alternatives(
                 add_change(&mut with, candidate, fit.clone());
                 let added = Item::Change(with.changes.len() - 1);
                 let (with, _) = refitted(case, &with, Some(&blocks));
-                gain = gain_of_item(case, added, &with, &less);
+                gain = gain_of_item(added, &with, &less);
                 evidence_here = price.evidence(gain);
             }
             let evidence = evidence_here;

@@ -196,6 +196,7 @@ fn explained<S>(
         changes: Vec::new(),
         nuisances,
         log_likelihood: f64::NEG_INFINITY,
+        told_beside: 0.0,
     };
     watch.progress(Phase::Search, 0.0);
     let mut selection = select(&case, &start, options.level);
@@ -834,7 +835,7 @@ fn shown_now(
     let own = candidate_of(state, *item);
     // Without the only one nothing else may have changed.
     let less = if alone { less.clone() } else { without(case, state, *item).0 };
-    let gain = gain_of_item(case, *item, state, &less);
+    let gain = gain_of_item(*item, state, &less);
     let evidence = match ways.iter().find(|way| way.candidate == own) {
         Some(way) => way.price.evidence(gain),
         None => (shown.evidence - (shown.gain - gain).max(0.0)).max(0.0),

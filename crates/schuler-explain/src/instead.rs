@@ -100,6 +100,11 @@ fn is_of_slow_noise(change: &Accepted) -> bool {
     change.knobs.iter().any(|&knob| is_slow(knob))
 }
 
+/// Log-likelihood of the residuals alone, which is what libraries know of.
+fn of_residuals(state: &State) -> f64 {
+    state.log_likelihood - state.told_beside
+}
+
 /// What other descriptions are sought with.
 #[derive(Clone, Copy)]
 pub struct Others<'o, 'c> {
@@ -192,8 +197,8 @@ impl Others<'_, '_> {
                     |&at: &usize| at - usize::from(matches!(aside, Some(Item::Term(other)) if other < at));
                 let left_out: Vec<usize> = left_out.iter().map(moved).collect();
                 library.leave_out(&left_out);
-                let by_them =
-                    state.log_likelihood - base.0.log_likelihood + whole - library.described() - costs;
+                let of_aside = of_residuals(state) - of_residuals(&base.0);
+                let by_them = of_aside + whole - library.described() - costs;
                 let pairs = promising_pairs(case, &library, family, by_them - BEHIND, PAIRS_CONSIDERED);
                 let singles =
                     meet.then(|| promising_terms(case, &library, family, by_them - BEHIND, TERMS_CONSIDERED));

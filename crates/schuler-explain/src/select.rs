@@ -536,13 +536,16 @@ fn forward<'c>(
 }
 
 /// Where noise parameters are free, the best proposals are judged with them refitted: fixed at values that have
-/// swallowed an effect they would hide it.
+/// swallowed an effect they would hide it. Where sensors are redundant, with what their readings tell beside the residuals.
 fn judge_beside_free_noise(case: &Case<'_>, state: &State, bench: &Bench<'_>, proposals: &mut [Proposal]) {
     proposals.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
     let judged: Vec<Option<f64>> = (proposals.par_iter().take(JUDGED_BESIDE_FREE_NOISE))
         .map(|proposal| {
             let blocks = blocks_of(case.model, std::slice::from_ref(&proposal.term));
-            if blocks.iter().all(|&block| state.free_in(case.model, block).is_empty()) {
+            let is_known = |&block: &usize| {
+                state.free_in(case.model, block).is_empty() && case.model.common_motion_of(block).is_none()
+            };
+            if blocks.iter().all(is_known) {
                 return None;
             }
             let mut with = state.clone();
@@ -761,10 +764,10 @@ fn choose(
             let mut both = noisy.clone();
             both.terms.push(proposal.term.clone());
             let (both, _) = refitted(case, &both, Some(&[index]));
-            let alone = bench.gain_of(&proposal.term).0;
+            let alone = bench.gain_by_readings(&proposal.term);
             let of_term = both.log_likelihood - noisy.log_likelihood;
             let of_both = both.log_likelihood - bench.log_likelihood;
-            let of_noise = case.counted(fit.change, of_both - alone, &both.noises, &state.noises);
+            let of_noise = fit.change.counted(of_both - alone, both.told_beside - state.told_beside);
             let term_evidence = proposal.price.evidence(of_term);
             let noise_evidence = fit.price().evidence(of_noise);
             let noise_remains = family.ln_p(&case.candidates[candidate], noise_evidence) <= ln_level;
@@ -969,11 +972,11 @@ fn has_no_cause(candidate: &Candidate) -> bool {
 }
 
 /// What an item gains a description over the one without it.
-pub fn gain_of_item(case: &Case<'_>, item: Item, with: &State, less: &State) -> f64 {
+pub fn gain_of_item(item: Item, with: &State, less: &State) -> f64 {
     let gain = with.log_likelihood - less.log_likelihood;
     match item {
         Item::Term(_) => gain,
-        Item::Change(place) => case.counted(with.changes[place].change, gain, &with.noises, &less.noises),
+        Item::Change(place) => with.changes[place].change.counted(gain, with.told_beside - less.told_beside),
     }
 }
 
@@ -1007,7 +1010,7 @@ fn shown_up_to(
             let (candidate, price) = priced(state, prices, item);
             let least = state.log_likelihood - price.ln_places - doubtful;
             let (less, _) = refitted_above(case, &taken_out(case, state, item), None, least);
-            let gain = gain_of_item(case, item, state, &less);
+            let gain = gain_of_item(item, state, &less);
             let evidence = evidence_of(&bench, item, price.evidence(gain));
             (item, Shown { gain, evidence, ln_p: family.ln_p(&case.candidates[candidate], evidence) })
         })

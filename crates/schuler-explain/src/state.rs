@@ -8,8 +8,10 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use crate::catalogue::{Candidate, NoiseChange, Port, Search};
+use crate::common_motion::CommonMotion;
 use crate::description::{
-    Delays, Filters, Projected, Sums, Term, evaluate, places, project, solve_or_none, take_off,
+    Delays, Filters, Projected, Sums, Term, at_sensors, blocks_of, evaluate, places, project, solve_or_none,
+    take_off,
 };
 use crate::jump::Decoded;
 use crate::least_squares::{Solution, dot, solve};
@@ -46,8 +48,6 @@ pub struct Case<'c> {
     pub(crate) changes: Memo<(Key, usize, NoiseChange), Option<ChangeFit>>,
     /// Standard deviations of the logarithms of free noise parameters.
     pub(crate) sigmas: Memo<(Key, Vec<SourceKnob>), DVector<f64>>,
-    /// What the readings tell of noises beside the residuals.
-    beside_residuals: Memo<Vec<Noise>, f64>,
     /// Histories of the jumps of a sensor.
     pub(crate) jumps: Memo<(Key, usize), Option<Decoded>>,
     /// Where promises of candidates led.
@@ -127,31 +127,10 @@ impl<'c> Case<'c> {
             promised: Memo::new(),
             changes: Memo::new(),
             sigmas: Memo::new(),
-            beside_residuals: Memo::new(),
             jumps: Memo::new(),
             refined: Memo::new(),
             products: Memo::new(),
         }
-    }
-
-    /// What the readings of redundant sensors tell of their noises beside the residuals: log-likelihood less that of the nominal noises.
-    pub fn beside_residuals(&self, noises: &[Noise]) -> f64 {
-        let model = self.model;
-        if model.common_motions.is_empty()
-            || noises.iter().zip(&model.sources).all(|(noise, source)| *noise == source.nominal)
-        {
-            return 0.0;
-        }
-        let told = |noises: &[Noise]| -> f64 {
-            model.common_motions.iter().map(|common| common.beside_residual(noises)).sum()
-        };
-        let compute = |noises: &[Noise]| self.beside_residuals.get_or(noises.to_vec(), || told(noises));
-        compute(noises) - compute(&model.nominal_noises())
-    }
-
-    /// What counts of the gain of a change of the noises ([`NoiseChange::counted`]).
-    pub fn counted(&self, change: NoiseChange, gain: f64, with: &[Noise], without: &[Noise]) -> f64 {
-        change.counted(gain, self.beside_residuals(with) - self.beside_residuals(without))
     }
 
     /// What tells terms of a candidate apart whose signature was made from the readings and not from parameters.
@@ -257,7 +236,7 @@ impl<'c> Case<'c> {
         let (data, regressors) = columns.split_first()?;
         let mut remainder = data.clone();
         take_off(&mut remainder, regressors, solution.amplitudes.iter().copied());
-        let spectrum = OnceLock::new();
+        let (common, told_beside) = self.told_beside(index, terms, noises, &solution.amplitudes);
         let whitened = Arc::new(Whitened {
             filter,
             projected,
@@ -266,8 +245,10 @@ impl<'c> Case<'c> {
             columns,
             sums,
             remainder,
-            spectrum,
+            spectrum: OnceLock::new(),
+            common: common.map_or_else(OnceLock::new, |common| Some(common).into()),
             log_likelihood,
+            told_beside,
         });
         let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         kept.push_front((key, Arc::clone(&whitened)));
@@ -277,6 +258,35 @@ impl<'c> Case<'c> {
             values <= KEPT_VALUES
         });
         Some(whitened)
+    }
+
+    /// What the readings of a block of redundant sensors tell of terms, at amplitudes as [`Projected::columns`], and noises beside the residuals,
+    /// log-likelihood; and the readings without the terms, if it took them.
+    ///
+    /// Noises are judged by the readings without the terms. Of terms only lines: noise of a narrow band that may stand for one is told of by the
+    /// same readings. What is slow has all its power in a few of a band's frequencies, of which the motion may have as much.
+    fn told_beside(
+        &self,
+        index: usize,
+        terms: &[Term],
+        noises: &[Noise],
+        amplitudes: &DVector<f64>,
+    ) -> (Option<CommonMotion>, f64) {
+        let Some(common) = self.model.common_motion_of(index) else { return (None, 0.0) };
+        let nominal = self.model.nominal_noises();
+        let is_line = |term: &Term| matches!(self.candidates[term.candidate].search, Search::Frequency);
+        let of_lines = if terms.iter().any(is_line) {
+            let without = common.without(&at_sensors(self.model, index, terms, amplitudes, &is_line));
+            without.beside_residual(&nominal) - common.beside_residual(&nominal)
+        } else {
+            0.0
+        };
+        if common.sources.iter().all(|&source| noises[source] == nominal[source]) {
+            return (None, of_lines);
+        }
+        let without = common.without(&at_sensors(self.model, index, terms, amplitudes, &|_| true));
+        let of_noises = without.beside_residual(noises) - without.beside_residual(&nominal);
+        (Some(without), of_lines + of_noises)
     }
 
     /// The block as it was whitened last under the same noises, with the same delays.
@@ -319,6 +329,8 @@ pub struct State {
     pub nuisances: Vec<SourceKnob>,
     /// Log-likelihood.
     pub log_likelihood: f64,
+    /// What of it readings tell of terms and noises beside the residuals ([`Whitened::told_beside`]).
+    pub told_beside: f64,
 }
 
 impl State {
@@ -350,8 +362,12 @@ pub struct Whitened {
     /// Whitened residual after the regressors.
     pub remainder: Vec<f64>,
     spectrum: OnceLock<Spectrum>,
+    /// The readings without the terms, if they are redundant.
+    common: OnceLock<Option<CommonMotion>>,
     /// Log-likelihood with the regressors at this block's best.
     pub log_likelihood: f64,
+    /// What the readings tell of the terms and the noises beside the residuals.
+    pub told_beside: f64,
 }
 
 /// All blocks whitened under a state.
@@ -368,8 +384,10 @@ pub struct Bench<'c> {
     pub blocks: Vec<Option<Arc<Whitened>>>,
     /// Places of each block's regressors among all amplitudes.
     pub places: Vec<Vec<usize>>,
-    /// Log-likelihood with all amplitudes at their best, and with what the readings of redundant sensors tell of the noises beside it.
+    /// Log-likelihood with all amplitudes at their best, and with what the readings of redundant sensors tell beside it.
     pub log_likelihood: f64,
+    /// What of it they tell.
+    pub told_beside: f64,
     /// The amplitudes.
     pub solution: Solution,
     normal: DMatrix<f64>,
@@ -394,7 +412,8 @@ impl<'c> Bench<'c> {
             (0..model.blocks.len()).map(|index| places(model, index, terms)).collect();
         let size = model.constants.len() + terms.iter().map(Term::amplitudes).sum::<usize>();
         let (mut normal, mut scores) = (DMatrix::zeros(size, size), DVector::zeros(size));
-        let mut log_likelihood = case.beside_residuals(noises);
+        let told_beside = blocks.iter().flatten().map(|block| block.told_beside).sum();
+        let mut log_likelihood = told_beside;
         for (block, places) in blocks.iter().zip(&places) {
             let Some(block) = block else { continue };
             let sums = &block.sums;
@@ -416,6 +435,7 @@ impl<'c> Bench<'c> {
             blocks,
             places,
             log_likelihood,
+            told_beside,
             solution,
             normal,
             scores,
@@ -442,7 +462,7 @@ impl<'c> Bench<'c> {
             let blocks: Vec<usize> = filtered.collect();
             return match evaluate(self.case.model, &self.filters, &terms, &blocks) {
                 Some(all) => {
-                    let with = all.log_likelihood + self.case.beside_residuals(&self.noises);
+                    let with = all.log_likelihood + self.told_beside;
                     (with - self.log_likelihood, all.solution)
                 }
                 None => (f64::NEG_INFINITY, self.solution.clone()),
@@ -454,6 +474,17 @@ impl<'c> Bench<'c> {
         }
         let solution = solve(&joint, &scores);
         (solution.gain + offset - self.solution.gain, solution)
+    }
+
+    /// The same with what the readings of redundant sensors tell of the term beside their residuals.
+    pub fn gain_by_readings(&self, term: &Term) -> f64 {
+        let model = self.case.model;
+        let reached = blocks_of(model, std::slice::from_ref(term));
+        if reached.iter().all(|&block| model.common_motion_of(block).is_none()) {
+            return self.gain_of(term).0;
+        }
+        let terms = [self.terms.as_slice(), std::slice::from_ref(term)].concat();
+        Bench::new(self.case, &terms, &self.noises).log_likelihood - self.log_likelihood
     }
 
     /// What a term at its fitted amplitudes gains in a block at most: half its whitened energy there. Without bound where its
@@ -606,11 +637,17 @@ impl<'c> Bench<'c> {
 
     /// What the noises of a block are fitted to.
     pub fn observations(&self, block: usize) -> Option<Observations<'_>> {
+        let whitened = self.blocks[block].as_ref()?;
+        let common = || {
+            let common = self.case.model.common_motion_of(block)?;
+            let amplitudes = whitened.sums.solution().amplitudes;
+            Some(common.without(&at_sensors(self.case.model, block, &self.terms, &amplitudes, &|_| true)))
+        };
         Some(Observations {
             block: &self.case.model.blocks[block],
             spectrum: self.spectrum(block)?,
-            projected: &self.blocks[block].as_ref()?.projected,
-            common: self.case.model.common_motion_of(block),
+            projected: &whitened.projected,
+            common: whitened.common.get_or_init(common).as_ref(),
         })
     }
 
@@ -668,6 +705,6 @@ pub fn refitted_above<'c>(
     if moved {
         bench = Bench::new(case, &state.terms, &state.noises);
     }
-    state.log_likelihood = bench.log_likelihood;
+    (state.log_likelihood, state.told_beside) = (bench.log_likelihood, bench.told_beside);
     (state, bench)
 }

@@ -19,7 +19,7 @@ use schuler_explain::inputs::Inputs;
 use schuler_explain::instead::{Others, places_of};
 use schuler_explain::jump::{jumps, shown_beside};
 use schuler_explain::library::{Library, Purpose};
-use schuler_explain::noise::Knob;
+use schuler_explain::noise::{Knob, Noise};
 use schuler_explain::nominal::Model;
 use schuler_explain::price::Price;
 use schuler_explain::readings::faults;
@@ -939,9 +939,16 @@ fn noises_that_are_fitted_together_are_shared_out_as_the_readings_tell() {
         let second = (TRUE[0].powi(2) + TRUE[1].powi(2) - first * first).sqrt();
         (noises[0].white, noises[1].white) = (first, second);
         let nuisances = vec![(0, Knob::White), (1, Knob::White)];
-        let state = State { terms: Vec::new(), noises, changes: Vec::new(), nuisances, log_likelihood: 0.0 };
-        let before = Bench::new(&case, &[], &state.noises).log_likelihood;
-        let (fitted, _) = refitted(&case, &state, None);
+        let nothing = State {
+            terms: Vec::new(),
+            noises,
+            changes: Vec::new(),
+            nuisances,
+            log_likelihood: 0.0,
+            told_beside: 0.0,
+        };
+        let before = Bench::new(&case, &[], &nothing.noises).log_likelihood;
+        let (fitted, _) = refitted(&case, &nothing, None);
         for (noise, white) in fitted.noises.iter().zip(TRUE) {
             let part = noise.white / white;
             assert!((0.9..1.1).contains(&part), "{part} of {white} from {first}");
@@ -950,6 +957,76 @@ fn noises_that_are_fitted_together_are_shared_out_as_the_readings_tell() {
         let gained = fitted.log_likelihood - before;
         assert!(gained > 100.0 * (first / TRUE[0]).ln().powi(2), "{gained} from {first}");
     }
+}
+
+/// Five sensors in a slow motion, and what the third has of its own.
+fn block_in_slow_motion(seed: u64, own: impl Fn(f64) -> f64) -> Recording {
+    const WHITE: f64 = 0.06;
+    let mut random = Pcg64::seed_from_u64(173_000 + seed);
+    let of_axis = |place: usize| {
+        let (sin, cos) = (1.2 * place as f64).sin_cos();
+        let motion = move |time: f64| 9.0 * wave(time, 900.0) * cos + 5.0 * wave(time, 1500.0) * sin + 4.0;
+        let noise = (0..ROWS).map(|_| StandardNormal.sample(&mut random)).collect::<Vec<f64>>();
+        let values = noise.into_iter().enumerate().map(|(row, noise)| {
+            let time = row as f64;
+            WHITE * noise + motion(time) + if place == 2 { own(time) } else { 0.0 }
+        });
+        values.collect()
+    };
+    let mut recording = block_of_five((0..5).map(of_axis).collect());
+    for series in &mut recording.sensors {
+        series.sensor.kind = SensorKind::Fog;
+        series.sensor.unit = Unit::RadianPerSecond;
+        series.sensor.nominal = Nominal { white: WHITE, ..Nominal::default() };
+    }
+    recording
+}
+
+/// Readings less what a sensor has of its own are those of a sensor that has it not, holes or none.
+#[test]
+fn what_is_taken_off_the_readings_is_not_in_them() {
+    let own = |time: f64| 0.2 * (time * 0.9).sin() + 1e-3 * time;
+    let noises = |model: &Model| -> Vec<Noise> {
+        let mut noises = model.nominal_noises();
+        noises[2].white *= 1.7;
+        noises[4].white *= 0.6;
+        noises
+    };
+    let told = |own_part: bool, hole: bool, take_off: bool| {
+        let mut recording = block_in_slow_motion(0, |time| if own_part { own(time) } else { 0.0 });
+        if hole {
+            recording.sensors[2].values[300..340].fill(f64::NAN);
+        }
+        let model = Model::new(&recording, &[]).unwrap();
+        let [common] = &CommonMotion::of_model(&model, &recording, &[])[..] else { panic!("one block") };
+        let mut errors = vec![None; 5];
+        if take_off {
+            errors[2] = Some((0..ROWS).map(|row| own(row as f64)).collect());
+        }
+        common.without(&errors).beside_residual(&noises(&model))
+    };
+    for hole in [false, true] {
+        let (clean, left) = (told(false, hole, false), told(true, hole, true));
+        assert!((clean - left).abs() < 1e-6, "{clean} {left}");
+        assert!((told(true, hole, false) - clean).abs() > 1.0);
+    }
+}
+
+/// A line is in the residuals and in the readings: noise is judged by what both have without it, and the line by what both have with it.
+#[test]
+fn a_line_of_one_of_five_sensors_is_no_noise_of_it() {
+    const TRIALS: u64 = 8;
+    let answers: Vec<Vec<String>> = (0..TRIALS)
+        .into_par_iter()
+        .map(|seed| {
+            let rate = 0.9 + 0.05 * seed as f64;
+            let recording = block_in_slow_motion(seed, |time| 0.08 * (time * rate).sin());
+            let answer = explain(&recording, &Options { hold_out: false, ..Options::default() }).unwrap();
+            answer.findings.into_iter().map(|found| format!("{} {}", found.sensor, found.effect)).collect()
+        })
+        .collect();
+    let wrong: Vec<_> = answers.iter().filter(|told| **told != ["sensor_2 periodic_line"]).collect();
+    assert!(wrong.len() <= most(TRIALS as usize, 0.01), "{wrong:?}");
 }
 
 /// What is seen of one sensor at rest whose noise is stated as white of so much.
@@ -1856,6 +1933,7 @@ fn in_the_place_of_an_effect_of_two_sensors_that_of_a_third_is_tried() {
         changes: Vec::new(),
         nuisances: Vec::new(),
         log_likelihood: f64::NEG_INFINITY,
+        told_beside: 0.0,
     };
     let (state, _) = refitted(&case, &state, None);
     let prices = told.map(|index| Price::of(&candidates[index], 1, 0.0));
@@ -1892,6 +1970,7 @@ fn of_two_that_are_alike_one_stays_when_what_shows_nothing_leaves() {
         changes: Vec::new(),
         nuisances: Vec::new(),
         log_likelihood: f64::NEG_INFINITY,
+        told_beside: 0.0,
     };
     let (state, _) = refitted(&case, &state, None);
     let prices = effects.map(|id| Price::of(&candidates[of(id)], 1, 0.0)).to_vec();
