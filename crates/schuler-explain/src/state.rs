@@ -273,20 +273,22 @@ impl<'c> Case<'c> {
         amplitudes: &DVector<f64>,
     ) -> (Option<CommonMotion>, f64) {
         let Some(common) = self.model.common_motion_of(index) else { return (None, 0.0) };
+        let without = |wanted: &dyn Fn(&Term) -> bool| {
+            common.without(&at_sensors(self.model, index, terms, amplitudes, wanted))
+        };
         let nominal = self.model.nominal_noises();
         let is_line = |term: &Term| matches!(self.candidates[term.candidate].search, Search::Frequency);
         let of_lines = if terms.iter().any(is_line) {
-            let without = common.without(&at_sensors(self.model, index, terms, amplitudes, &is_line));
-            without.beside_residual(&nominal) - common.beside_residual(&nominal)
+            without(&is_line).beside_residual(&nominal) - common.beside_residual(&nominal)
         } else {
             0.0
         };
         if common.sources.iter().all(|&source| noises[source] == nominal[source]) {
             return (None, of_lines);
         }
-        let without = common.without(&at_sensors(self.model, index, terms, amplitudes, &|_| true));
-        let of_noises = without.beside_residual(noises) - without.beside_residual(&nominal);
-        (Some(without), of_lines + of_noises)
+        let left = without(&|_| true);
+        let of_noises = left.beside_residual(noises) - left.beside_residual(&nominal);
+        (Some(left), of_lines + of_noises)
     }
 
     /// The block as it was whitened last under the same noises, with the same delays.
