@@ -19,9 +19,9 @@ use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::constant_gain::{ConstantGain, constant_gain};
 use crate::course::{halves, settled};
 use crate::description::Sums;
+use crate::laid_out::{Gains, LaidOut, lay_out};
 use crate::whiten::{Filter, Space};
 
 /// Rows of a stretch, on average, below which a gain for each row costs less.
@@ -30,20 +30,23 @@ const SHORTEST_STRETCH: usize = 8;
 const UNSETTLED_NATS: f64 = 1e-4;
 /// States up to which a filter of one channel is of fixed size.
 const FEW_STATES: usize = 8;
+/// Rows that run through a gain at once.
+const RUN_ROWS: usize = 256;
 /// Elements of Ψ over some rows, states in units of their spread, below which nothing is left of a state.
 const FORGOTTEN: f64 = 1e-12;
 
 /// A filter with its settled gain, and where it has not settled.
 pub struct Steady {
     filter: Filter,
-    /// The same where channels or states are many.
-    many: Option<Box<dyn ConstantGain>>,
+    /// The same where channels or states are many, of the gain of each level.
+    many: Option<Box<dyn LaidOut>>,
     stretches: Vec<Stretch>,
 }
 
 /// Rows without one missing and with one white level.
 struct Stretch {
     rows: Range<usize>,
+    level: usize,
     /// Rows before the next stretch after which nothing is left of a state.
     memory: usize,
     /// M, and 1 − ΛM, of its first row.
@@ -176,7 +179,8 @@ impl Steady {
         let mut information = DMatrix::zeros(n, n);
         let mut stretches = Vec::with_capacity(of_rows.len());
         for (place, (rows, off)) in of_rows.iter().zip(&off).enumerate().rev() {
-            let level = &levels[level_at(rows.start)];
+            let number = level_at(rows.start);
+            let level = &levels[number];
             level.present.apply(&mut information, rows.len());
             let whole = (DMatrix::identity(n, n) + off * &information).lu();
             let determinant = whole.determinant();
@@ -188,22 +192,26 @@ impl Steady {
             let turned = DMatrix::identity(n, n) - &information * &moved;
             information = halves(&(&turned * information));
             unseen.apply(&mut information, gap_before(place));
-            stretches.push(Stretch { rows: rows.clone(), memory: level.memory, moved, turned });
+            let (rows, memory) = (rows.clone(), level.memory);
+            stretches.push(Stretch { rows, level: number, memory, moved, turned });
         }
         stretches.reverse();
         let index: Vec<Option<u8>> =
             (present.iter().enumerate()).map(|(row, present)| present.then(|| level_at(row) as u8)).collect();
         let gains: Vec<(Vec<f64>, Vec<f64>)> = levels.into_iter().map(|level| level.gain).collect();
         let filter = Filter::of_gains(&space, &gains, &index, log_variances);
-        let many = (space.channels > 1 || n > FEW_STATES)
-            .then(|| constant_gain([n, space.channels], &space.transition, &space.seen, &gains, index));
+        let many = (space.channels > 1 || n > FEW_STATES).then(|| {
+            let views: Vec<(&[f64], &[f64])> =
+                gains.iter().map(|(gain, whitening)| (gain.as_slice(), whitening.as_slice())).collect();
+            lay_out(&filter, &views)
+        });
         Some(Self { filter, many, stretches })
     }
 
     /// Sums of data (first) and regressors.
     pub fn sums(&self, columns: &[&[f64]]) -> Sums {
         let whitened = match &self.many {
-            Some(many) => columns.iter().map(|column| many.whiten(column)).collect(),
+            Some(many) => columns.iter().map(|column| self.whiten(many.as_ref(), column)).collect(),
             None => self.filter.whiten(columns),
         };
         let mut sums = Sums::of_whitened(&self.filter, &whitened);
@@ -230,18 +238,43 @@ impl Steady {
         sums
     }
 
+    fn whiten(&self, many: &dyn LaidOut, column: &[f64]) -> Vec<f64> {
+        let mut whitened = vec![0.0; column.len()];
+        let rows = self.filter.rows();
+        let mut state = vec![0.0; self.filter.states()];
+        let mut run = vec![0.0; self.filter.channels() * RUN_ROWS];
+        let mut end = 0;
+        for Stretch { rows: of_stretch, level, .. } in &self.stretches {
+            self.filter.coast(of_stretch.start - end, &mut state);
+            end = of_stretch.end;
+            for first in of_stretch.clone().step_by(RUN_ROWS) {
+                let over = first..(first + RUN_ROWS).min(end);
+                let run = &mut run[..self.filter.channels() * over.len()];
+                many.whiten(Gains::One(*level), column, over.clone(), &mut state, run);
+                for (c, run) in run.chunks_exact(over.len()).enumerate() {
+                    whitened[c * rows..][over.clone()].copy_from_slice(run);
+                }
+            }
+        }
+        whitened
+    }
+
     /// λ where each stretch begins.
     fn costates(&self, whitened: &[f64]) -> Vec<DVector<f64>> {
         let mut costate = DVector::zeros(self.filter.states());
         let mut end = self.stretches.last().map_or(0, |stretch| stretch.rows.end);
         let mut found = Vec::with_capacity(self.stretches.len());
-        for Stretch { rows, memory, turned, .. } in self.stretches.iter().rev() {
+        for Stretch { rows, level, memory, turned, .. } in self.stretches.iter().rev() {
             if rows.len() > *memory {
                 end = rows.start + memory;
                 costate.fill(0.0);
             }
             match &self.many {
-                Some(many) => many.backwards(whitened, rows.start..end, costate.as_mut_slice()),
+                Some(many) => {
+                    self.filter.coast_back(end.saturating_sub(rows.end), costate.as_mut_slice());
+                    let over = rows.start..end.min(rows.end);
+                    many.backwards(*level, whitened, over, costate.as_mut_slice());
+                }
                 None => {
                     self.filter.backwards(whitened, rows.start..end, costate.as_mut_slice(), |_, _| ());
                 }

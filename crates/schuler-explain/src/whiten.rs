@@ -1,25 +1,29 @@
 //! The Kalman filter as a whitener: innovations e/√S of a record, of any signature by the same gains, and the adjoint.
 //!
 //! The covariance half runs once for a model and a pattern of missing rows; a gain that has settled is kept until a
-//! value is missing. Columns then run through the gains several at a time. The map from a column to its whitened
-//! innovations is linear, T; the covariance of the record is (TᵀT)⁻¹, so that the adjoint pass gives
-//! q = TᵀT y = R⁻¹y, the scores of every unit impulse at once.
+//! value is missing. Columns then run through the gains, several at a time or through what was laid out for it
+//! (`laid_out.rs`). The map from a column to its whitened innovations is linear, T; the covariance of the record is
+//! (TᵀT)⁻¹, so that the adjoint pass gives q = TᵀT y = R⁻¹y, the scores of every unit impulse at once.
 //!
 //! Columns of several channels stand channel after channel. There is no limit to states or channels; of one channel and
 //! few states the code is of fixed sizes.
 
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use nalgebra::DMatrix;
 
 use crate::course::{Course, course};
+use crate::laid_out::{Gains, LaidOut, is_of_usual_size, lay_out};
 
 /// Columns that run together where there are few, and where there are many.
 const FEW: usize = 4;
 const MANY: usize = 8;
 /// Rows of all columns that are brought together before they run through a filter of several channels.
 const TILE_ROWS: usize = 32;
+/// Rows from which on a gain, or that of each, is laid out for the columns, where channels or states are many; and those that run at once.
+const LONG_RUN: usize = 16;
+const RUN_ROWS: usize = 256;
 /// Relative change of the variances from row to row below which they have settled.
 const SETTLED: f64 = 1e-12;
 /// Rows after which states too small to matter are set to zero, so that arithmetic stays fast.
@@ -103,6 +107,16 @@ pub struct Filter {
     pub log_variances: f64,
     /// Number of values present.
     pub count: usize,
+    /// How columns run where channels or states are many.
+    parts: OnceLock<Parts>,
+}
+
+/// A record in parts: those whose gains are laid out, with their places among these, and others.
+struct Parts {
+    rows: Vec<(Range<usize>, Option<Gains>)>,
+    runs: Option<Box<dyn LaidOut>>,
+    /// Number of values that are laid out.
+    values: usize,
 }
 
 /// Runs columns through a function of compile-time size where there is one channel and the states are few, through
@@ -116,7 +130,7 @@ macro_rules! run {
             (1, 4) => run_few::<$kind, $lanes, 4>($filter, $columns, $whitened),
             (1, 5 | 6) => run_few::<$kind, $lanes, 6>($filter, $columns, $whitened),
             (1, 7 | 8) => run_few::<$kind, $lanes, 8>($filter, $columns, $whitened),
-            _ => run_many::<$kind, $lanes>($filter, $columns, $whitened),
+            _ => run_parts::<$kind, $lanes>($filter, $columns, $whitened),
         }
     };
 }
@@ -172,7 +186,7 @@ impl Filter {
 
     /// Number of values that its gains are.
     pub fn values(&self) -> usize {
-        self.gains.len()
+        self.gains.len() + self.parts.get().map_or(0, |parts| parts.values)
     }
 
     /// Number of rows.
@@ -218,6 +232,7 @@ impl Filter {
             index: index.iter().map(|index| index.map_or(MISSING, u32::from)).collect(),
             log_variances,
             count: index.iter().flatten().count() * space.channels,
+            parts: OnceLock::new(),
         }
     }
 
@@ -269,10 +284,78 @@ impl Filter {
         Some(self.gains.get(index as usize * (n * m + m * m)..)?.get(..n * m + m * m)?.split_at(n * m))
     }
 
+    /// Its parts.
+    fn parts(&self) -> &Parts {
+        self.parts.get_or_init(|| {
+            let mut rows: Vec<(Range<usize>, Option<Gains>)> = Vec::new();
+            let mut laid_out = Vec::new();
+            let usual = is_of_usual_size(self);
+            let mut row = 0;
+            while let Some(&first) = self.index.get(row) {
+                let behind = &self.index[row..];
+                let same = behind.iter().take_while(|&&index| index == first).count();
+                let each =
+                    behind.iter().zip(first..MISSING).take_while(|(index, next)| **index == *next).count();
+                let over = row..row + same.max(each);
+                row = over.end;
+                let gains = match laid_out.len() {
+                    _ if first == MISSING || self.states == 0 || over.len() < LONG_RUN => None,
+                    place if same > 1 => Some((Gains::One(place), over.start..over.start + 1)),
+                    place => usual.then(|| (Gains::From(place), over.clone())),
+                };
+                match (gains, rows.last_mut()) {
+                    (Some((gains, of_rows)), _) => {
+                        laid_out.extend(of_rows.filter_map(|row| self.gain_and_whitening(row)));
+                        rows.push((over, Some(gains)));
+                    }
+                    (None, Some((last, None))) => last.end = over.end,
+                    (None, _) => rows.push((over, None)),
+                }
+            }
+            let values = laid_out.iter().map(|(gain, whitening)| gain.len() + whitening.len()).sum();
+            let runs = (!laid_out.is_empty()).then(|| lay_out(self, &laid_out));
+            Parts { rows, runs, values }
+        })
+    }
+
     /// A state a step later.
     pub fn propagate(&self, state: &[f64], next: &mut [f64]) {
         for (next, from) in next.iter_mut().zip(&self.transition) {
             *next = from.iter().map(|&(j, weight)| weight * state[j]).sum();
+        }
+    }
+
+    /// A state over rows that are missing.
+    pub fn coast(&self, rows: usize, state: &mut [f64]) {
+        let mut next = vec![0.0; state.len()];
+        for row in 0..rows {
+            self.propagate(state, &mut next);
+            state.copy_from_slice(&next);
+            if row % FLUSH_ROWS == 0 {
+                flush_one(state);
+            }
+        }
+    }
+
+    /// What a state behind rows that are missing is of, as [`Self::backwards`], by that before them.
+    pub fn coast_back(&self, rows: usize, costate: &mut [f64]) {
+        let mut turned = vec![0.0; costate.len()];
+        for row in 0..rows {
+            self.turn(costate, &mut turned);
+            costate.copy_from_slice(&turned);
+            if row % FLUSH_ROWS == 0 {
+                flush_one(costate);
+            }
+        }
+    }
+
+    /// Φᵀ of a costate.
+    fn turn(&self, costate: &[f64], turned: &mut [f64]) {
+        turned.fill(0.0);
+        for (costate, from) in costate.iter().zip(&self.transition) {
+            for &(j, weight) in from {
+                turned[j] += weight * costate;
+            }
         }
     }
 
@@ -308,6 +391,7 @@ impl Filter {
             index: vec![0; rows],
             log_variances: 0.0,
             count: rows * self.channels,
+            parts: OnceLock::new(),
         }
     }
 }
@@ -399,18 +483,55 @@ fn run_few<T: Rounded, const L: usize, const N: usize>(
 }
 
 /// Runs at most `L` columns through the gains of a filter of any size.
-fn run_many<T: Rounded, const L: usize>(filter: &Filter, columns: &[&[f64]], whitened: &mut [Vec<T>]) {
+fn run_parts<T: Rounded, const L: usize>(filter: &Filter, columns: &[&[f64]], whitened: &mut [Vec<T>]) {
+    let (rows, n, m) = (filter.rows(), filter.states, filter.channels);
+    let mut states = vec![[0.0; L]; n];
+    let mut state = vec![0.0; n];
+    let mut run = vec![0.0; m * RUN_ROWS];
+    let Parts { rows: parts, runs, .. } = filter.parts();
+    for (over, gains) in parts {
+        let Some((gains, runs)) = gains.zip(runs.as_ref()) else {
+            run_many(filter, columns, over.clone(), &mut states, whitened);
+            continue;
+        };
+        for (lane, (column, whitened)) in columns.iter().zip(whitened.iter_mut()).enumerate() {
+            state.iter_mut().zip(&states).for_each(|(state, states)| *state = states[lane]);
+            for first in over.clone().step_by(RUN_ROWS) {
+                let gains = match gains {
+                    Gains::From(of_first) => Gains::From(of_first + first - over.start),
+                    one @ Gains::One(_) => one,
+                };
+                let over = first..(first + RUN_ROWS).min(over.end);
+                let run = &mut run[..m * over.len()];
+                runs.whiten(gains, column, over.clone(), &mut state, run);
+                for (c, run) in run.chunks_exact(over.len()).enumerate() {
+                    let slots = &mut whitened[c * rows..][over.clone()];
+                    slots.iter_mut().zip(run).for_each(|(slot, value)| *slot = T::rounded(*value));
+                }
+            }
+            states.iter_mut().zip(&state).for_each(|(states, state)| states[lane] = *state);
+        }
+    }
+}
+
+/// Runs at most `L` columns through the gains of some rows, from and to the states before and behind them.
+fn run_many<T: Rounded, const L: usize>(
+    filter: &Filter,
+    columns: &[&[f64]],
+    over: Range<usize>,
+    state: &mut [[f64; L]],
+    whitened: &mut [Vec<T>],
+) {
     let Some(first) = columns.first() else { return };
     let inputs: [&[f64]; L] = std::array::from_fn(|lane| *columns.get(lane).unwrap_or(first));
     let (rows, n, m) = (filter.rows(), filter.states, filter.channels);
     let stride = n * m + m * m;
-    let mut state = vec![[0.0; L]; n];
-    let mut before = state.clone();
+    let mut before = state.to_vec();
     // Channels of a tile's rows side by side, values first, then innovations, then whitened.
     let mut tile = vec![[0.0; L]; TILE_ROWS * m];
     let mut innovation = vec![[0.0; L]; m];
-    for (number, indices) in filter.index.chunks(TILE_ROWS).enumerate() {
-        let first_row = number * TILE_ROWS;
+    for (number, indices) in filter.index[over.clone()].chunks(TILE_ROWS).enumerate() {
+        let first_row = over.start + number * TILE_ROWS;
         for c in 0..m {
             for (lane, input) in inputs.iter().enumerate() {
                 let values = &input[c * rows + first_row..][..indices.len()];
@@ -426,7 +547,7 @@ fn run_many<T: Rounded, const L: usize>(filter: &Filter, columns: &[&[f64]], whi
                 let (gain, whitening) = filter.gains[index as usize * stride..][..stride].split_at(n * m);
                 innovation.copy_from_slice(values);
                 for (c, innovation) in innovation.iter_mut().enumerate() {
-                    subtract(innovation, &filter.seen[c * n..(c + 1) * n], &state);
+                    subtract(innovation, &filter.seen[c * n..(c + 1) * n], state);
                 }
                 for (state, gain) in state.iter_mut().zip(gain.chunks_exact(m)) {
                     add(state, gain, &innovation);
@@ -436,7 +557,7 @@ fn run_many<T: Rounded, const L: usize>(filter: &Filter, columns: &[&[f64]], whi
                     add(value, &whitening[c * m..=c * m + c], &innovation);
                 }
             }
-            std::mem::swap(&mut before, &mut state);
+            before.copy_from_slice(state);
             for (state, from) in state.iter_mut().zip(&filter.transition) {
                 let mut sum = [0.0; L];
                 for &(j, weight) in from {
@@ -456,7 +577,7 @@ fn run_many<T: Rounded, const L: usize>(filter: &Filter, columns: &[&[f64]], whi
                 }
             }
         }
-        flush(&mut state);
+        flush(state);
     }
 }
 
@@ -507,12 +628,7 @@ fn backwards_many(
     let mut turned = vec![0.0; n];
     let mut innovation = vec![0.0; m];
     for row in over.rev() {
-        turned.fill(0.0);
-        for (costate, from) in costate.iter().zip(&filter.transition) {
-            for &(j, weight) in from {
-                turned[j] += weight * costate;
-            }
-        }
+        filter.turn(costate, &mut turned);
         costate.copy_from_slice(&turned);
         let index = filter.index[row];
         if index != MISSING {
@@ -610,6 +726,10 @@ fn flush<const L: usize>(state: &mut [[f64; L]]) {
     state.iter_mut().flatten().filter(|value| value.abs() < FLUSH).for_each(|value| *value = 0.0);
 }
 
+fn flush_one(state: &mut [f64]) {
+    state.iter_mut().filter(|value| value.abs() < FLUSH).for_each(|value| *value = 0.0);
+}
+
 /// Numbers that whitened innovations are kept in.
 trait Rounded {
     /// The number, rounded.
@@ -669,6 +789,7 @@ fn gains(
         index: Vec::with_capacity(present.len()),
         log_variances: 0.0,
         count: 0,
+        parts: OnceLock::new(),
     };
     let size = n * m + m * m;
     let mut last = MISSING;
