@@ -2,10 +2,10 @@
 //!
 //! With D = ΦK, states x before a row lead to those before the next one by
 //!
-//! | | from | by | to |
-//! | --- | --- | --- | --- |
-//! | forwards | values y, whitened W e | e = y − H x | Φ x + D e |
-//! | backwards | whitened innovations w | e = Wᵀw + Dᵀx | Φᵀx − Hᵀe |
+//! | | in | e | next x | out |
+//! | --- | --- | --- | --- | --- |
+//! | forwards | values y | y − H x | Φ x + D e | W e |
+//! | backwards | whitened innovations w | Wᵀw + Dᵀx | Φᵀx − Hᵀe | |
 //!
 //! the same step but for its matrices, in which Φ x does not wait for e. States stand in groups, whose numbers are computed side by side, the
 //! two of an oscillation in the same place of neighbours; channels stand in blocks, whose sums stay in registers. Usual sizes are known to
@@ -67,15 +67,14 @@ pub fn lay_out(filter: &Filter, gains: &[(&[f64], &[f64])]) -> Box<dyn LaidOut> 
     make(filter, gains)
 }
 
-/// Whether the compiler knows of a filter's size, so that many gains take no more room than their numbers.
+/// Whether the compiler knows of a filter's size, so that gains take little more room than their numbers.
 pub fn is_of_usual_size(filter: &Filter) -> bool {
-    let places = Places::new(filter);
-    filter.channels() <= MOST && places.only_neighbours && places.groups <= MOST_GROUPS
+    Places::new(filter).are_usual(filter.channels())
 }
 
 fn boxed<const B: usize>(filter: &Filter, gains: &[(&[f64], &[f64])]) -> Box<dyn LaidOut> {
     let places = Places::new(filter);
-    let make = match (filter.channels() <= B && places.only_neighbours, places.groups) {
+    let make = match (places.are_usual(filter.channels()), places.groups) {
         (true, 1) => Runs::<Fixed<1>, Fixed<1>, B>::boxed,
         (true, 2) => Runs::<Fixed<2>, Fixed<1>, B>::boxed,
         (true, 3) => Runs::<Fixed<3>, Fixed<1>, B>::boxed,
@@ -164,6 +163,10 @@ impl Places {
         }
     }
 
+    fn are_usual(&self, channels: usize) -> bool {
+        channels <= MOST && self.only_neighbours && self.groups <= MOST_GROUPS
+    }
+
     /// States in their places, and back.
     fn to(&self, states: &[f64], placed: &mut [Group]) {
         let places = self.of.iter().zip(states);
@@ -206,7 +209,7 @@ impl<G: Size, C: Size, const B: usize> Gain<G, C, B> {
 
     /// Wᵀ w.
     #[inline(always)]
-    fn turned(&self, whitened: &C::Of<[f64; B]>, values: &mut C::Of<[f64; B]>) {
+    fn before_whitening(&self, whitened: &C::Of<[f64; B]>, values: &mut C::Of<[f64; B]>) {
         values.as_mut().fill([0.0; B]);
         for (whitened, weights) in whitened.as_ref().iter().zip(self.whitening.as_ref()) {
             for (weights, values) in weights.as_ref().iter().zip(values.as_mut()) {
@@ -324,7 +327,7 @@ struct Runs<G: Size, C: Size, const B: usize> {
     transition: Transition<G>,
     turned: Transition<G>,
     /// −H.
-    unseen: C::Of<Ties<G, B>>,
+    minus_seen: C::Of<Ties<G, B>>,
     gains: Vec<Gain<G, C, B>>,
 }
 
@@ -365,7 +368,7 @@ impl<G: Size, C: Size, const B: usize> Runs<G, C, B> {
             channels: m,
             transition: Transition::new(places, |i, j| transition[(i, j)]),
             turned: Transition::new(places, |i, j| transition[(j, i)]),
-            unseen: ties(&|c, i| -seen[(c, i)]),
+            minus_seen: ties(&|c, i| -seen[(c, i)]),
             gains: gains.iter().map(of_gain).collect(),
             places: Places { of: places.of.clone(), ..*places },
         })
@@ -412,7 +415,7 @@ impl<G: Size, C: Size, const B: usize> LaidOut for Runs<G, C, B> {
         for (at, row) in over.enumerate() {
             let gain = &self.gains[first + at * further];
             values(column, rows, row, innovations.as_mut());
-            let ties = [&self.unseen, &gain.driven];
+            let ties = [&self.minus_seen, &gain.driven];
             step::<G, C, B>(&self.transition, ties, &mut placed, &mut innovations, &mut moved);
             gain.whitened(&innovations, &mut white);
             for (c, value) in white.as_ref().as_flattened().iter().enumerate() {
@@ -432,10 +435,10 @@ impl<G: Size, C: Size, const B: usize> LaidOut for Runs<G, C, B> {
         let mut placed = self.placed(costate);
         let [mut innovations, mut white] = [0, 1].map(|_| self.zero_values());
         let mut moved = vec![0.0; self.turned.beside.len()];
-        let ties = [&gain.driven, &self.unseen];
+        let ties = [&gain.driven, &self.minus_seen];
         for row in over.rev() {
             values(whitened, rows, row, white.as_mut());
-            gain.turned(&white, &mut innovations);
+            gain.before_whitening(&white, &mut innovations);
             step::<G, C, B>(&self.turned, ties, &mut placed, &mut innovations, &mut moved);
             if row % FLUSH_ROWS == 0 {
                 flush(placed.as_mut());
@@ -453,6 +456,7 @@ fn flush(state: &mut [Group]) {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::{DMatrix, DVector};
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64;
 
@@ -495,7 +499,7 @@ mod tests {
                 let views = gains.each_ref().map(|(gain, whitening)| (gain.as_slice(), whitening.as_slice()));
                 let runs = lay_out(&filter, &views);
                 let column = drawn(m * rows, 1.0);
-                let expected = filter.whiten(&[&column]).swap_remove(0);
+                let expected = written_out(&space, &gains, &index, &column);
                 let mut state = vec![0.0; n];
                 for (gains, over) in
                     [(Gains::One(0), 0..90), (Gains::From(0), 90..92), (Gains::One(1), 92..rows)]
@@ -512,6 +516,87 @@ mod tests {
                 runs.backwards(0, &expected, 20..91, &mut found);
                 filter.backwards(&expected, 20..190, &mut costate, |_, _| ());
                 assert_same(&found, &costate);
+            }
+        }
+    }
+
+    /// e = y − H x, x ← Φ (x + K e), row by row.
+    fn written_out(
+        space: &Space,
+        gains: &[(Vec<f64>, Vec<f64>)],
+        index: &[Option<u8>],
+        column: &[f64],
+    ) -> Vec<f64> {
+        let (n, m, rows) = (space.states, space.channels, index.len());
+        let transition = DMatrix::from_row_slice(n, n, &space.transition);
+        let seen = DMatrix::from_row_slice(m, n, &space.seen);
+        let (mut state, mut whitened) = (DVector::zeros(n), vec![0.0; m * rows]);
+        for (row, index) in index.iter().enumerate() {
+            if let Some(index) = index {
+                let (gain, whitening) = &gains[usize::from(*index)];
+                let innovation = DVector::from_fn(m, |c, _| column[c * rows + row]) - &seen * &state;
+                let values = DMatrix::from_row_slice(m, m, whitening) * &innovation;
+                (0..m).for_each(|c| whitened[c * rows + row] = values[c]);
+                state += DMatrix::from_row_slice(n, m, gain) * innovation;
+            }
+            state = &transition * state;
+        }
+        whitened
+    }
+
+    /// One gain, each row another, gains that come back, and rows that are missing, of many columns, in parts that are laid out and not.
+    #[test]
+    fn columns_run_through_parts_as_row_by_row() {
+        let mut random = Pcg64::seed_from_u64(12);
+        let mut drawn = |count: usize, size: f64| -> Vec<f64> {
+            (0..count).map(|_| size * (random.random::<f64>() - 0.5)).collect()
+        };
+        let stretches: [(Option<u8>, u8); 7] =
+            [(None, 3), (Some(0), 1), (Some(1), 250), (None, 5), (Some(2), 4), (None, 40), (Some(0), 20)];
+        for (n, m, loops) in [(4, 2, false), (5, 5, false), (9, 1, true), (3, 4, false)] {
+            // Gains of a sweep differ from row to row.
+            let mut index = Vec::new();
+            for (first, length) in stretches {
+                index.extend((0..length).map(|row| first.map(|first| first + row)));
+                index.extend((0..length).map(|_| first));
+            }
+            let rows = index.len();
+            let mut transition = vec![0.0; n * n];
+            for i in 0..n {
+                transition[i * n + i] = 0.9;
+            }
+            // Half of an oscillation that does not come back, or what several states give to one.
+            transition[n - 1] = 0.2;
+            if loops {
+                transition[1] = 0.1;
+            }
+            let space =
+                Space { states: n, channels: m, transition, seen: drawn(m * n, 1.0), ..Space::default() };
+            let gains: Vec<(Vec<f64>, Vec<f64>)> = (0..256)
+                .map(|_| {
+                    let mut whitening = drawn(m * m, 1.0);
+                    (0..m).for_each(|c| whitening[c * m + c + 1..(c + 1) * m].fill(0.0));
+                    (drawn(n * m, 0.2), whitening)
+                })
+                .collect();
+            let filter = Filter::of_gains(&space, &gains, &index, 0.0);
+            let columns: Vec<Vec<f64>> = (0..11)
+                .map(|_| {
+                    let mut column = drawn(m * rows, 1.0);
+                    let is_missing = |flat: usize| index[flat % rows].is_none();
+                    (0..m * rows).filter(|&flat| is_missing(flat)).for_each(|flat| column[flat] = f64::NAN);
+                    column
+                })
+                .collect();
+            for number in [1, 2, 3, 5, 8, 11] {
+                let views: Vec<&[f64]> = columns[..number].iter().map(Vec::as_slice).collect();
+                let (double, single) = (filter.whiten(&views), filter.whiten_single(&views));
+                for ((column, double), single) in views.iter().zip(&double).zip(&single) {
+                    let expected = written_out(&space, &gains, &index, column);
+                    assert_same(double, &expected);
+                    let apart = |(a, b): (&f32, &f64)| (f64::from(*a) - b).abs() < 1e-6 * (1.0 + b.abs());
+                    assert!(single.iter().zip(&expected).all(apart));
+                }
             }
         }
     }

@@ -900,11 +900,16 @@ fn priced(state: &State, prices: &[Price], item: Item) -> (usize, Price) {
 const SEVERAL: usize = 3;
 /// Where they are worth no more than this beyond noise, what is held out decides, nats.
 const UNDECIDED: f64 = 12.0;
+/// Nats that a description may be less likely than one that has more parameters, in fewer changes, and stand for it.
+const AS_LIKELY: f64 = 1.0;
 
 /// The description with several items of a source that have no recorded cause put as changes of its noise alone, where that is the
 /// better description for the places and parameters that it is sought in: flicker that was taken for a Markov part and a step, a random
 /// walk for a drift and three steps. A walk has its steps, and as many of them as one likes describe it: where the two are nearly worth
 /// the same, the one stays that foretells better what it was not fitted to.
+///
+/// A change of several parameters that begins with what another does with one, a Markov part shorter than a step with the white level, may have
+/// been taken first: the white level is tried first as well, where no sources meet.
 fn merged<'c>(
     case: &'c Case<'c>,
     mut found: Found<'c>,
@@ -912,54 +917,90 @@ fn merged<'c>(
     ln_level: f64,
     budget: &mut Budget,
 ) -> Found<'c> {
+    let parameters = |state: &State| -> usize {
+        let of_terms = state.terms.iter().map(|term| term.amplitudes() + term.nonlinear.len()).sum::<usize>();
+        of_terms + state.changes.iter().map(|change| change.knobs.len()).sum::<usize>()
+    };
     for source in 0..case.model.sources.len() {
-        let origin = &case.model.sources[source];
-        let (state, _, prices) = &found;
-        let is_of_source = |term: &Term| {
-            let candidate = &case.candidates[term.candidate];
-            candidate.target == Target::Sensor(origin.sensor)
-                && candidate.port == origin.port
-                && has_no_cause(candidate)
-        };
-        let terms = state.terms.iter().filter(|term| is_of_source(term)).count();
-        let changes = state.changes.iter().filter(|change| change.source == source).count();
-        if terms == 0 || terms + changes < 2 {
-            continue;
-        }
         let blocks = blocks_with(case.model, source);
-        if !budget.affords(of_round(case, state, &blocks)) {
-            continue;
-        }
-        let (mut noise, mut noise_prices) = (state.clone(), prices.clone());
-        noise.changes.retain(|change| change.source != source);
-        noise.noises[source] = origin.nominal.clone();
-        let mut kept = state.terms.iter().map(|term| !is_of_source(term));
-        noise_prices.retain(|_| kept.next().unwrap_or(true));
-        noise.terms.retain(|term| !is_of_source(term));
-        let (mut noise, mut noise_bench) = refitted(case, &noise, None);
-        for _ in 0..terms + changes {
-            let score = |fit: &ChangeFit| fit.price().evidence(fit.gain);
-            let fits = noise_bench.noise_changes(&noise, &blocks, &|_| true);
-            let best = (fits.into_iter().filter(|(_, fit)| fit.source == source))
-                .max_by(|a, b| score(&a.1).total_cmp(&score(&b.1)));
-            let Some((candidate, fit)) = best else { break };
-            if family.ln_p(&case.candidates[candidate], score(&fit)) > ln_level {
-                break;
+        let is_alone = blocks.iter().all(|&block| case.model.blocks[block].sources.len() == 1);
+        for first in [None, Some(NoiseChange::White)] {
+            let (state, ..) = &found;
+            let terms = state.terms.iter().filter(|term| is_uncaused(case, term, source)).count();
+            let changes = state.changes.iter().filter(|change| change.source == source).count();
+            let is_other = |change: &Accepted| change.source == source && Some(change.change) != first;
+            let may_gain = match first {
+                None => terms > 0 && terms + changes > 1,
+                Some(_) => is_alone && state.changes.iter().any(is_other),
+            };
+            if !may_gain || !budget.affords(of_round(case, state, &blocks)) {
+                continue;
             }
-            add_change(&mut noise, candidate, fit);
-            (noise, noise_bench) = refitted(case, &noise, None);
-        }
-        let noise = pruned(case, noise, noise_prices, family, ln_level);
-        let more = worth(case, &noise, family) - worth(case, &found, family);
-        let foretells_more = || {
-            let Fit { held_out, .. } = hold_out(case, &noise.0, &found.0);
-            held_out.before.nll_per_sample < held_out.after.nll_per_sample
-        };
-        if more > 0.0 || (terms >= SEVERAL && more > -UNDECIDED && foretells_more()) {
-            found = noise;
+            let noise = as_noise_alone(case, &found, source, (first, terms + changes), family, ln_level);
+            let more = worth(case, &noise, family) - worth(case, &found, family);
+            let foretells_more = || {
+                let Fit { held_out, .. } = hold_out(case, &noise.0, &found.0);
+                held_out.before.nll_per_sample < held_out.after.nll_per_sample
+            };
+            // As likely with fewer parameters: the part of another kind shows nothing of its kind.
+            let (own, others) = (parameters(&noise.0), parameters(&found.0));
+            let likelier = noise.0.log_likelihood - found.0.log_likelihood;
+            let is_simpler =
+                first.is_some() && (likelier > -AS_LIKELY && own < others || likelier > 0.0 && own == others);
+            if more > 0.0 || is_simpler || (terms >= SEVERAL && more > -UNDECIDED && foretells_more()) {
+                found = noise;
+            }
         }
     }
     found
+}
+
+/// A description in which items of a source without a recorded cause are changes of its noise alone, at `most` so many: `first` if that is
+/// significant, then what shows most.
+fn as_noise_alone<'c>(
+    case: &'c Case<'c>,
+    (state, _, prices): &Found<'c>,
+    source: usize,
+    (first, most): (Option<NoiseChange>, usize),
+    family: &Family,
+    ln_level: f64,
+) -> Found<'c> {
+    let blocks = blocks_with(case.model, source);
+    let (mut noise, mut prices) = (state.clone(), prices.clone());
+    noise.changes.retain(|change| change.source != source);
+    noise.noises[source] = case.model.sources[source].nominal.clone();
+    let mut kept = state.terms.iter().map(|term| !is_uncaused(case, term, source));
+    prices.retain(|_| kept.next().unwrap_or(true));
+    noise.terms.retain(|term| !is_uncaused(case, term, source));
+    let (mut noise, mut bench) = refitted(case, &noise, None);
+    for change in first.map(Some).into_iter().chain(std::iter::repeat_n(None, most)) {
+        let is_it = |candidate: usize| {
+            change.is_none_or(
+                |change| matches!(case.candidates[candidate].search, Search::Noise(of) if of == change),
+            )
+        };
+        let score = |fit: &ChangeFit| fit.price().evidence(fit.gain);
+        let fits = bench.noise_changes(&noise, &blocks, &is_it);
+        let best = (fits.into_iter().filter(|(_, fit)| fit.source == source))
+            .max_by(|a, b| score(&a.1).total_cmp(&score(&b.1)));
+        match best {
+            Some((candidate, fit)) if family.ln_p(&case.candidates[candidate], score(&fit)) <= ln_level => {
+                add_change(&mut noise, candidate, fit);
+                (noise, bench) = refitted(case, &noise, None);
+            }
+            _ if change.is_some() => {}
+            _ => break,
+        }
+    }
+    pruned(case, noise, prices, family, ln_level)
+}
+
+/// Whether a term is a shape in time of a source that nothing recorded causes.
+fn is_uncaused(case: &Case<'_>, term: &Term, source: usize) -> bool {
+    let (origin, candidate) = (&case.model.sources[source], &case.candidates[term.candidate]);
+    candidate.target == Target::Sensor(origin.sensor)
+        && candidate.port == origin.port
+        && has_no_cause(candidate)
 }
 
 /// Whether a candidate is a shape in time that nothing recorded causes, as slow noise may take any.

@@ -252,10 +252,11 @@ impl<'c> Case<'c> {
         });
         let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         kept.push_front((key, Arc::clone(&whitened)));
-        let mut values = 0;
+        let (mut values, mut number) = (0, 0);
         kept.retain(|(_, whitened)| {
             values += (2 * whitened.columns.len() + 1) * whitened.remainder.len() + whitened.filter.values();
-            values <= KEPT_VALUES
+            number += 1;
+            values <= KEPT_VALUES || number == 1
         });
         Some(whitened)
     }

@@ -23,6 +23,8 @@ const MANY: usize = 8;
 const TILE_ROWS: usize = 32;
 /// Rows from which on a gain, or that of each, is laid out for the columns, where channels or states are many; and those that run at once.
 const LONG_RUN: usize = 16;
+/// Gains after which no more are laid out: a long record with many gaps has as many as it has rows.
+const MOST_LAID_OUT: usize = 1 << 17;
 const RUN_ROWS: usize = 256;
 /// Relative change of the variances from row to row below which they have settled.
 const SETTLED: f64 = 1e-12;
@@ -289,7 +291,7 @@ impl Filter {
         self.parts.get_or_init(|| {
             let mut rows: Vec<(Range<usize>, Option<Gains>)> = Vec::new();
             let mut laid_out = Vec::new();
-            let usual = is_of_usual_size(self);
+            let usual = self.states > 0 && is_of_usual_size(self);
             let mut row = 0;
             while let Some(&first) = self.index.get(row) {
                 let behind = &self.index[row..];
@@ -298,10 +300,13 @@ impl Filter {
                     behind.iter().zip(first..MISSING).take_while(|(index, next)| **index == *next).count();
                 let over = row..row + same.max(each);
                 row = over.end;
-                let gains = match laid_out.len() {
-                    _ if first == MISSING || self.states == 0 || over.len() < LONG_RUN => None,
-                    place if same > 1 => Some((Gains::One(place), over.start..over.start + 1)),
-                    place => usual.then(|| (Gains::From(place), over.clone())),
+                let place = laid_out.len();
+                let gains = if !usual || first == MISSING || over.len() < LONG_RUN || place > MOST_LAID_OUT {
+                    None
+                } else if same > 1 {
+                    Some((Gains::One(place), over.start..over.start + 1))
+                } else {
+                    Some((Gains::From(place), over.clone()))
                 };
                 match (gains, rows.last_mut()) {
                     (Some((gains, of_rows)), _) => {
@@ -484,6 +489,9 @@ fn run_few<T: Rounded, const L: usize, const N: usize>(
 
 /// Runs at most `L` columns through the gains of a filter of any size.
 fn run_parts<T: Rounded, const L: usize>(filter: &Filter, columns: &[&[f64]], whitened: &mut [Vec<T>]) {
+    if columns.is_empty() {
+        return;
+    }
     let (rows, n, m) = (filter.rows(), filter.states, filter.channels);
     let mut states = vec![[0.0; L]; n];
     let mut state = vec![0.0; n];
@@ -494,22 +502,23 @@ fn run_parts<T: Rounded, const L: usize>(filter: &Filter, columns: &[&[f64]], wh
             run_many(filter, columns, over.clone(), &mut states, whitened);
             continue;
         };
-        for (lane, (column, whitened)) in columns.iter().zip(whitened.iter_mut()).enumerate() {
-            state.iter_mut().zip(&states).for_each(|(state, states)| *state = states[lane]);
-            for first in over.clone().step_by(RUN_ROWS) {
-                let gains = match gains {
-                    Gains::From(of_first) => Gains::From(of_first + first - over.start),
-                    one @ Gains::One(_) => one,
-                };
-                let over = first..(first + RUN_ROWS).min(over.end);
-                let run = &mut run[..m * over.len()];
+        // All columns through the same gains, while these are at hand.
+        for first in over.clone().step_by(RUN_ROWS) {
+            let gains = match gains {
+                Gains::From(of_first) => Gains::From(of_first + first - over.start),
+                one @ Gains::One(_) => one,
+            };
+            let over = first..(first + RUN_ROWS).min(over.end);
+            let run = &mut run[..m * over.len()];
+            for (lane, (column, whitened)) in columns.iter().zip(whitened.iter_mut()).enumerate() {
+                state.iter_mut().zip(&states).for_each(|(state, states)| *state = states[lane]);
                 runs.whiten(gains, column, over.clone(), &mut state, run);
+                states.iter_mut().zip(&state).for_each(|(states, state)| states[lane] = *state);
                 for (c, run) in run.chunks_exact(over.len()).enumerate() {
                     let slots = &mut whitened[c * rows..][over.clone()];
                     slots.iter_mut().zip(run).for_each(|(slot, value)| *slot = T::rounded(*value));
                 }
             }
-            states.iter_mut().zip(&state).for_each(|(states, state)| states[lane] = *state);
         }
     }
 }
@@ -528,7 +537,7 @@ fn run_many<T: Rounded, const L: usize>(
     let stride = n * m + m * m;
     let mut before = state.to_vec();
     // Channels of a tile's rows side by side, values first, then innovations, then whitened.
-    let mut tile = vec![[0.0; L]; TILE_ROWS * m];
+    let mut tile = vec![[0.0; L]; TILE_ROWS.min(over.len()) * m];
     let mut innovation = vec![[0.0; L]; m];
     for (number, indices) in filter.index[over.clone()].chunks(TILE_ROWS).enumerate() {
         let first_row = over.start + number * TILE_ROWS;

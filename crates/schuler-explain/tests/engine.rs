@@ -618,6 +618,38 @@ fn an_exponential_cosine_in_the_place_of_a_markov_process_is_the_only_finding() 
     assert!(TRIALS as usize - right <= most(TRIALS as usize, 0.05), "{right}");
 }
 
+/// White and Markov noise both louder than stated: a part shorter than a step, and another one in the place of the stated slow one, are no
+/// better a description, but begin with as much as the white level alone.
+#[test]
+fn noise_that_is_louder_than_stated_is_told_by_the_parts_that_are_stated() {
+    const TRIALS: u64 = 16;
+    const ROWS: usize = 20_000;
+    let right = |&seed: &u64| {
+        let mut random = Pcg64::seed_from_u64(125_000 + seed);
+        let mut values = markov(&mut random, ROWS, 1.3 * MARKOV_SIGMA, 4.0 * TAU_S);
+        for value in &mut values {
+            let white: f64 = StandardNormal.sample(&mut random);
+            *value += 1.1 * WHITE_SIGMA * white;
+        }
+        let mut recording = recording(vec![values]);
+        if let Some(markov) = &mut recording.sensors[0].sensor.nominal.markov {
+            markov.tau_s = 4.0 * TAU_S;
+        }
+        let options = Options { hold_out: false, ..Options::default() };
+        let answer = explain_with(&Inputs::new(&recording), candidates(ROWS, 1), &options).unwrap();
+        let mut effects: Vec<&str> = answer.findings.iter().map(|finding| finding.effect.as_str()).collect();
+        effects.sort_unstable();
+        let right = effects == ["markov", "white"];
+        if !right {
+            println!("louder {seed}: {effects:?}");
+        }
+        right
+    };
+    let right = (0..TRIALS).into_par_iter().filter(right).count();
+    println!("louder: right {right} of {TRIALS}");
+    assert!(TRIALS as usize - right <= most(TRIALS as usize, 0.05), "{right}");
+}
+
 #[test]
 fn faults_in_readings_are_named_and_do_not_breed() {
     assert_named("spikes", |seed, mut values| {
