@@ -301,13 +301,16 @@ impl Filter {
                 let over = row..row + same.max(each);
                 row = over.end;
                 let place = laid_out.len();
-                let gains = if !usual || first == MISSING || over.len() < LONG_RUN || place > MOST_LAID_OUT {
-                    None
-                } else if same > 1 {
-                    Some((Gains::One(place), over.start..over.start + 1))
+                let (gains, of_rows) = if same > 1 {
+                    (Gains::One(place), over.start..over.start + 1)
                 } else {
-                    Some((Gains::From(place), over.clone()))
+                    (Gains::From(place), over.clone())
                 };
+                let is_laid_out = usual
+                    && first != MISSING
+                    && over.len() >= LONG_RUN
+                    && place + of_rows.len() <= MOST_LAID_OUT;
+                let gains = is_laid_out.then_some((gains, of_rows));
                 match (gains, rows.last_mut()) {
                     (Some((gains, of_rows)), _) => {
                         laid_out.extend(of_rows.filter_map(|row| self.gain_and_whitening(row)));
