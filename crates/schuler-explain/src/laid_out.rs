@@ -14,7 +14,7 @@ use std::ops::Range;
 
 use wide::f64x2;
 
-use crate::whiten::Filter;
+use crate::whiten::{FLUSH_ROWS, Filter, Rounded, flush};
 
 /// States of a group.
 const LANES: usize = 2;
@@ -23,12 +23,14 @@ type Group = f64x2;
 const MOST: usize = 4;
 /// Most groups that the compiler knows of.
 const MOST_GROUPS: usize = 12;
-/// Rows after which states too small to matter are set to zero, so that arithmetic stays fast; and what that is.
-const FLUSH_ROWS: usize = 64;
-const FLUSH: f64 = 1e-140;
+/// Rows that run at once.
+pub const RUN_ROWS: usize = 256;
 
 /// A filter's runs by gains that are laid out.
 pub trait LaidOut: Send + Sync {
+    /// Number of channels.
+    fn channels(&self) -> usize;
+
     /// Whitened innovations of some rows of a column, channel after channel, under one gain, or each row under the next. Takes the predicted
     /// state from the first of them to behind the last.
     fn whiten(
@@ -43,6 +45,24 @@ pub trait LaidOut: Send + Sync {
     /// Takes the derivative of half the sum of squares of a column of whitened innovations by the predicted state from behind some rows
     /// of one gain to the first of them.
     fn backwards(&self, gain: usize, whitened: &[f64], over: Range<usize>, costate: &mut [f64]);
+}
+
+/// Runs some rows of a column, at most [`RUN_ROWS`], and puts what is whitened into its place in that of the column; `run` has room for it.
+pub fn whiten_rows<T: Rounded>(
+    runs: &dyn LaidOut,
+    (gains, over): (Gains, Range<usize>),
+    column: &[f64],
+    state: &mut [f64],
+    run: &mut [f64],
+    whitened: &mut [T],
+) {
+    let rows = column.len() / runs.channels();
+    let run = &mut run[..runs.channels() * over.len()];
+    runs.whiten(gains, column, over.clone(), state, run);
+    for (c, run) in run.chunks_exact(over.len()).enumerate() {
+        let slots = &mut whitened[c * rows..][over.clone()];
+        slots.iter_mut().zip(run).for_each(|(slot, value)| *slot = T::rounded(*value));
+    }
 }
 
 /// Which gains rows have.
@@ -396,6 +416,10 @@ fn values<const B: usize>(column: &[f64], rows: usize, row: usize, values: &mut 
 }
 
 impl<G: Size, C: Size, const B: usize> LaidOut for Runs<G, C, B> {
+    fn channels(&self) -> usize {
+        self.channels
+    }
+
     fn whiten(
         &self,
         gains: Gains,
@@ -424,7 +448,7 @@ impl<G: Size, C: Size, const B: usize> LaidOut for Runs<G, C, B> {
                 }
             }
             if row % FLUSH_ROWS == 0 {
-                flush(placed.as_mut());
+                placed.as_mut().iter_mut().for_each(|group| flush(group.as_mut_array()));
             }
         }
         self.places.back(placed.as_ref(), state);
@@ -441,17 +465,11 @@ impl<G: Size, C: Size, const B: usize> LaidOut for Runs<G, C, B> {
             gain.before_whitening(&white, &mut innovations);
             step::<G, C, B>(&self.turned, ties, &mut placed, &mut innovations, &mut moved);
             if row % FLUSH_ROWS == 0 {
-                flush(placed.as_mut());
+                placed.as_mut().iter_mut().for_each(|group| flush(group.as_mut_array()));
             }
         }
         self.places.back(placed.as_ref(), costate);
     }
-}
-
-/// Sets what is too small to matter to zero.
-fn flush(state: &mut [Group]) {
-    let values = state.iter_mut().flat_map(Group::as_mut_array);
-    values.filter(|value| value.abs() < FLUSH).for_each(|value| *value = 0.0);
 }
 
 #[cfg(test)]

@@ -21,7 +21,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::course::{halves, settled};
 use crate::description::Sums;
-use crate::laid_out::{Gains, LaidOut, lay_out};
+use crate::laid_out::{Gains, LaidOut, RUN_ROWS, lay_out, whiten_rows};
 use crate::whiten::{Filter, Space};
 
 /// Rows of a stretch, on average, below which a gain for each row costs less.
@@ -30,8 +30,6 @@ const SHORTEST_STRETCH: usize = 8;
 const UNSETTLED_NATS: f64 = 1e-4;
 /// States up to which a filter of one channel is of fixed size.
 const FEW_STATES: usize = 8;
-/// Rows that run through a gain at once.
-const RUN_ROWS: usize = 256;
 /// Elements of Ψ over some rows, states in units of their spread, below which nothing is left of a state.
 const FORGOTTEN: f64 = 1e-12;
 
@@ -240,7 +238,6 @@ impl Steady {
 
     fn whiten(&self, many: &dyn LaidOut, column: &[f64]) -> Vec<f64> {
         let mut whitened = vec![0.0; column.len()];
-        let rows = self.filter.rows();
         let mut state = vec![0.0; self.filter.states()];
         let mut run = vec![0.0; self.filter.channels() * RUN_ROWS];
         let mut end = 0;
@@ -248,12 +245,8 @@ impl Steady {
             self.filter.coast(of_stretch.start - end, &mut state);
             end = of_stretch.end;
             for first in of_stretch.clone().step_by(RUN_ROWS) {
-                let over = first..(first + RUN_ROWS).min(end);
-                let run = &mut run[..self.filter.channels() * over.len()];
-                many.whiten(Gains::One(*level), column, over.clone(), &mut state, run);
-                for (c, run) in run.chunks_exact(over.len()).enumerate() {
-                    whitened[c * rows..][over.clone()].copy_from_slice(run);
-                }
+                let rows = (Gains::One(*level), first..(first + RUN_ROWS).min(end));
+                whiten_rows(many, rows, column, &mut state, &mut run, &mut whitened);
             }
         }
         whitened

@@ -14,22 +14,21 @@ use std::sync::{Arc, OnceLock};
 use nalgebra::DMatrix;
 
 use crate::course::{Course, course};
-use crate::laid_out::{Gains, LaidOut, is_of_usual_size, lay_out};
+use crate::laid_out::{Gains, LaidOut, RUN_ROWS, is_of_usual_size, lay_out, whiten_rows};
 
 /// Columns that run together where there are few, and where there are many.
 const FEW: usize = 4;
 const MANY: usize = 8;
 /// Rows of all columns that are brought together before they run through a filter of several channels.
 const TILE_ROWS: usize = 32;
-/// Rows from which on a gain, or that of each, is laid out for the columns, where channels or states are many; and those that run at once.
+/// Rows from which on a gain, or that of each, is laid out for the columns, where channels or states are many.
 const LONG_RUN: usize = 16;
 /// Gains after which no more are laid out: a long record with many gaps has as many as it has rows.
 const MOST_LAID_OUT: usize = 1 << 17;
-const RUN_ROWS: usize = 256;
 /// Relative change of the variances from row to row below which they have settled.
 const SETTLED: f64 = 1e-12;
 /// Rows after which states too small to matter are set to zero, so that arithmetic stays fast.
-const FLUSH_ROWS: usize = 64;
+pub const FLUSH_ROWS: usize = 64;
 /// Rows with one gain from which on, and states up to which, the steps of a row are brought together.
 const SETTLED_ROWS: usize = 16;
 const FEW_STATES: usize = 3;
@@ -335,26 +334,12 @@ impl Filter {
 
     /// A state over rows that are missing.
     pub fn coast(&self, rows: usize, state: &mut [f64]) {
-        let mut next = vec![0.0; state.len()];
-        for row in 0..rows {
-            self.propagate(state, &mut next);
-            state.copy_from_slice(&next);
-            if row % FLUSH_ROWS == 0 {
-                flush_one(state);
-            }
-        }
+        over_missing(rows, state, |state, next| self.propagate(state, next));
     }
 
-    /// What a state behind rows that are missing is of, as [`Self::backwards`], by that before them.
+    /// A costate, as of [`Self::backwards`], from behind rows that are missing to the first of them.
     pub fn coast_back(&self, rows: usize, costate: &mut [f64]) {
-        let mut turned = vec![0.0; costate.len()];
-        for row in 0..rows {
-            self.turn(costate, &mut turned);
-            costate.copy_from_slice(&turned);
-            if row % FLUSH_ROWS == 0 {
-                flush_one(costate);
-            }
-        }
+        over_missing(rows, costate, |costate, turned| self.turn(costate, turned));
     }
 
     /// Φᵀ of a costate.
@@ -458,7 +443,7 @@ fn run_few<T: Rounded, const L: usize, const N: usize>(
                     column[row] = T::rounded(gain[n] * value);
                 }
             }
-            flush(&mut state);
+            flush(state.as_flattened_mut());
             continue;
         }
         for row in rows {
@@ -484,7 +469,7 @@ fn run_few<T: Rounded, const L: usize, const N: usize>(
             }
             state = transition.apply(&state);
             if row % FLUSH_ROWS == 0 {
-                flush(&mut state);
+                flush(state.as_flattened_mut());
             }
         }
     }
@@ -495,10 +480,10 @@ fn run_parts<T: Rounded, const L: usize>(filter: &Filter, columns: &[&[f64]], wh
     if columns.is_empty() {
         return;
     }
-    let (rows, n, m) = (filter.rows(), filter.states, filter.channels);
+    let n = filter.states;
     let mut states = vec![[0.0; L]; n];
     let mut state = vec![0.0; n];
-    let mut run = vec![0.0; m * RUN_ROWS];
+    let mut run = vec![0.0; filter.channels * RUN_ROWS];
     let Parts { rows: parts, runs, .. } = filter.parts();
     for (over, gains) in parts {
         let Some((gains, runs)) = gains.zip(runs.as_ref()) else {
@@ -512,15 +497,10 @@ fn run_parts<T: Rounded, const L: usize>(filter: &Filter, columns: &[&[f64]], wh
                 one @ Gains::One(_) => one,
             };
             let over = first..(first + RUN_ROWS).min(over.end);
-            let run = &mut run[..m * over.len()];
             for (lane, (column, whitened)) in columns.iter().zip(whitened.iter_mut()).enumerate() {
                 state.iter_mut().zip(&states).for_each(|(state, states)| *state = states[lane]);
-                runs.whiten(gains, column, over.clone(), &mut state, run);
+                whiten_rows(runs.as_ref(), (gains, over.clone()), column, &mut state, &mut run, whitened);
                 states.iter_mut().zip(&state).for_each(|(states, state)| states[lane] = *state);
-                for (c, run) in run.chunks_exact(over.len()).enumerate() {
-                    let slots = &mut whitened[c * rows..][over.clone()];
-                    slots.iter_mut().zip(run).for_each(|(slot, value)| *slot = T::rounded(*value));
-                }
             }
         }
     }
@@ -589,7 +569,7 @@ fn run_many<T: Rounded, const L: usize>(
                 }
             }
         }
-        flush(state);
+        flush(state.as_flattened_mut());
     }
 }
 
@@ -621,7 +601,7 @@ fn backwards_few<const N: usize>(
             }
         }
         if row % FLUSH_ROWS == 0 {
-            state.iter_mut().filter(|value| value.abs() < FLUSH).for_each(|value| *value = 0.0);
+            flush(&mut state);
         }
     }
     costate.iter_mut().zip(state).for_each(|(costate, state)| *costate = state);
@@ -660,7 +640,7 @@ fn backwards_many(
             }
         }
         if row % FLUSH_ROWS == 0 {
-            costate.iter_mut().filter(|value| value.abs() < FLUSH).for_each(|value| *value = 0.0);
+            flush(costate);
         }
     }
 }
@@ -734,16 +714,24 @@ fn subtract<const L: usize>(sum: &mut [f64; L], weights: &[f64], values: &[[f64;
 }
 
 /// Sets what is too small to matter to zero.
-fn flush<const L: usize>(state: &mut [[f64; L]]) {
-    state.iter_mut().flatten().filter(|value| value.abs() < FLUSH).for_each(|value| *value = 0.0);
+pub fn flush(values: &mut [f64]) {
+    values.iter_mut().filter(|value| value.abs() < FLUSH).for_each(|value| *value = 0.0);
 }
 
-fn flush_one(state: &mut [f64]) {
-    state.iter_mut().filter(|value| value.abs() < FLUSH).for_each(|value| *value = 0.0);
+/// Takes a state over rows by a step of each.
+fn over_missing(rows: usize, state: &mut [f64], step: impl Fn(&[f64], &mut [f64])) {
+    let mut next = vec![0.0; state.len()];
+    for row in 0..rows {
+        step(state, &mut next);
+        state.copy_from_slice(&next);
+        if row % FLUSH_ROWS == 0 {
+            flush(state);
+        }
+    }
 }
 
 /// Numbers that whitened innovations are kept in.
-trait Rounded {
+pub trait Rounded {
     /// The number, rounded.
     fn rounded(value: f64) -> Self;
 }
