@@ -259,6 +259,9 @@ impl Model {
     }
 
     fn add_known(&mut self, recording: &Recording, masked: &[Vec<bool>]) {
+        if turns_in_place(recording) {
+            self.notes.push("no velocity is recorded: the body is taken to turn where it is".to_owned());
+        }
         for (index, series) in recording.sensors.iter().enumerate() {
             let sensor = &series.sensor;
             let prediction = match predict(recording, sensor) {
@@ -443,6 +446,16 @@ pub fn of_input(recording: &Recording, masked: &[Vec<bool>], index: usize) -> Ve
             },
         )
         .collect()
+}
+
+/// Whether accelerometers are predicted from an attitude alone.
+fn turns_in_place(recording: &Recording) -> bool {
+    let motion = &recording.motion;
+    let is_accelerometer = |series: &SensorSeries| series.sensor.kind == SensorKind::Accelerometer;
+    motion.attitude_rad.is_some()
+        && motion.velocity_ned.is_none()
+        && motion.specific_force.is_none()
+        && recording.sensors.iter().any(is_accelerometer)
 }
 
 /// What a sensor adds of itself: bias and the dependence on temperature.

@@ -745,6 +745,18 @@ fn runs_after_switch_on_have_their_own_constants_and_warm_up_again() {
     );
     let values = column(&at(&inputs, "bias_restart", 0, &[])[0], &[], 0, 3000);
     assert!(values.iter().enumerate().all(|(row, value)| *value == f64::from(u8::from(row >= 1010))));
+    drop(inputs);
+    // A supply that was off tells it as well; one of a signal, or that flickers, does not.
+    let off = |t: f64| (500.0..520.0).contains(&t) || (2000.0..2600.0).contains(&t);
+    let scene = scene
+        .aux("supply", Quantity::Voltage, "V", None, |t| if off(t) { 0.01 } else { 27.0 })
+        .aux("signal", Quantity::Voltage, "V", None, |t| 5.0 * (t / 300.0).sin())
+        .aux("flickers", Quantity::Voltage, "V", None, |t| if t % 100.0 < 1.0 { 0.0 } else { 5.0 });
+    let inputs = Inputs::new(&scene.0);
+    assert_eq!(inputs.run_starts, [0, 520, 2600]);
+    assert_eq!(inputs.possible_run_starts, [0, 500, 1010, 2000]);
+    let scene = Scene(Recording { auxiliaries: scene.0.auxiliaries[1..].to_vec(), ..scene.0.clone() });
+    assert_eq!(Inputs::new(&scene.0).possible_run_starts, [0, 1010]);
 }
 
 #[test]
@@ -935,6 +947,28 @@ fn a_thermometer_at_another_sensor_still_makes_a_gradient() {
     }
 }
 
+/// Where the sensor itself has no thermometer another's may tell its temperature, and is less likely to be what it depends on.
+#[test]
+fn a_thermometer_at_another_sensor_is_doubted() {
+    let scene = Scene::new(MotionKind::Static, 4001, 1.0)
+        .sensor("g", SensorKind::Dtg, Unit::DegreePerHour, [1.0, 0.0, 0.0])
+        .sensor("h", SensorKind::Dtg, Unit::DegreePerHour, [0.0, 1.0, 0.0])
+        .aux("T", Quantity::Temperature, "degC", Some("g"), |t| 25.0 + 6.0 * (t / 600.0).sin());
+    let doubts = |scene: &Scene| {
+        let inputs = Inputs::new(&scene.0);
+        [0, 1].map(|sensor| at(&inputs, "bias_temperature", sensor, &[("column", "T")])[0].doubt)
+    };
+    assert_eq!(doubts(&scene), [0.0, std::f64::consts::LN_10]);
+    let mut of_one_instrument = Scene(scene.0.clone());
+    for series in &mut of_one_instrument.0.sensors {
+        series.sensor.group = Some("block".to_owned());
+    }
+    assert_eq!(doubts(&of_one_instrument), [0.0, 0.0]);
+    let mut anywhere = Scene(scene.0);
+    anywhere.0.auxiliaries[0].auxiliary.near = None;
+    assert_eq!(doubts(&anywhere), [0.0, 0.0]);
+}
+
 #[test]
 fn powers_reach_a_reference_far_from_the_record_and_a_steady_rate_is_not_passed_over() {
     let scene = Scene::new(MotionKind::Static, 4001, 1.0)
@@ -1030,6 +1064,19 @@ fn a_schuler_loop_has_accelerometer_gyro_and_velocity() {
         .map(|found| found.variant.iter().find(|(name, _)| *name == "column").unwrap().1.clone())
         .collect();
     assert_eq!(by_column, ["T", "Tg"], "a thermometer near the gyro is the gyro's");
+    // A speed beside it is the velocity of which the channel has an error, if no velocity is there.
+    let mut scene =
+        Scene(scene.0.clone()).aux("speed", Quantity::Speed, "m/s", None, |t| 20.0 + 2.0 * (0.01 * t).cos());
+    let of_velocity = |scene: &Scene| {
+        let found = candidates(&Inputs::new(&scene.0), "scale_factor");
+        let own = found.iter().find(|found| found.port == Port::Output);
+        own.map(|own| column(own, &[], 0, 7201)[100])
+    };
+    assert!((of_velocity(&scene).unwrap() - (100.0 + 10.0 * 1.0_f64.sin())).abs() < 1e-9);
+    scene.0.motion.velocity_ned = None;
+    assert!((of_velocity(&scene).unwrap() - (20.0 + 2.0 * 1.0_f64.cos())).abs() < 1e-9);
+    scene.0.auxiliaries.pop();
+    assert!(of_velocity(&scene).is_none());
     assert_eq!(candidates(&inputs, "bias_temperature")[0].amplitudes[0].unit, "m/s^2/K");
 }
 

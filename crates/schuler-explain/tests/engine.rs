@@ -120,6 +120,7 @@ fn candidate(effect: &'static Effect, sensor: usize, search: Search) -> Candidat
         variant: Vec::new(),
         search,
         amplitudes,
+        doubt: 0.0,
     }
 }
 

@@ -17,12 +17,14 @@ pub mod series;
 pub mod smoother;
 pub mod thermometer;
 
+use std::ops::Range;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use schuler_recording::Recording;
 use schuler_recording::case::{MotionKind, Quantity};
+use schuler_recording::recording::AuxiliarySeries;
 
 pub use motion::BodyMotion;
 pub use place::{Axes, Place};
@@ -31,6 +33,7 @@ pub use thermometer::Thermometer;
 
 use crate::catalogue::Port;
 use crate::nominal;
+use crate::statistics::median;
 use motion::{Vectors, along};
 use series::{bridged, map, mean, range};
 
@@ -41,6 +44,8 @@ const RESTART_STEPS: usize = 20;
 /// A gap of so many steps may hide a switch-off that was short; the most of them, the longest, that are asked.
 const SHORT_RESTART_STEPS: usize = 3;
 const MOST_RESTARTS: usize = 12;
+/// Part of its usual voltage below which a supply is off.
+const OFF: f64 = 0.1;
 /// An auxiliary quantity varies if it moves by more than this many of its steps.
 const AUXILIARY_STEPS: f64 = 3.0;
 /// Or if it changes more seldom than in this part of the rows: it was switched, and does not flicker.
@@ -136,6 +141,39 @@ pub struct Condition<'a> {
     pub values: &'a [f64],
 }
 
+/// Rows from which on a recorded supply is off, to that in which it is on again; none of one that is off more often than runs are counted.
+fn times_off(recording: &Recording) -> Vec<Range<usize>> {
+    let of_supply = |series: &AuxiliarySeries| -> Vec<Range<usize>> {
+        let mut present: Vec<f64> = series.values.iter().copied().filter(|value| value.is_finite()).collect();
+        let on = OFF * median(&mut present);
+        // A voltage of both signs is a signal's.
+        if present.iter().any(|&value| value <= -on) {
+            return Vec::new();
+        }
+        let mut off = None;
+        let ends = |(row, &value): (usize, &f64)| {
+            if value < on {
+                off.get_or_insert(row);
+                return None;
+            }
+            let from = if value.is_finite() { off.take()? } else { return None };
+            Some(from..row)
+        };
+        let off: Vec<Range<usize>> = series.values.iter().enumerate().filter_map(ends).collect();
+        if off.len() > MOST_RESTARTS { Vec::new() } else { off }
+    };
+    let supplies = recording.auxiliaries.iter().filter(|it| it.auxiliary.quantity == Quantity::Voltage);
+    supplies.flat_map(of_supply).collect()
+}
+
+/// Starts of runs, of which the record's is the first, each once.
+fn in_order(starts: impl Iterator<Item = usize>) -> Vec<usize> {
+    let mut starts: Vec<usize> = std::iter::once(0).chain(starts).collect();
+    starts.sort_unstable();
+    starts.dedup();
+    starts
+}
+
 impl<'r> Inputs<'r> {
     /// Everything that the recording gives.
     pub fn new(recording: &'r Recording) -> Self {
@@ -165,18 +203,17 @@ impl<'r> Inputs<'r> {
                 })
             })
             .collect();
-        let run_starts = std::iter::once(0)
-            .chain(recording.gaps.iter().filter_map(|gap| {
-                let long = gap.missing >= RESTART_STEPS && gap.before_s - gap.after_s > RESTART_S;
-                long.then_some(gap.first + gap.missing)
-            }))
-            .collect();
+        let off = times_off(recording);
+        let after_long_gaps = recording.gaps.iter().filter_map(|gap| {
+            let long = gap.missing >= RESTART_STEPS && gap.before_s - gap.after_s > RESTART_S;
+            long.then_some(gap.first + gap.missing)
+        });
+        let run_starts = in_order(after_long_gaps.chain(off.iter().map(|off| off.end)));
         let mut gaps: Vec<_> =
             recording.gaps.iter().filter(|gap| gap.missing >= SHORT_RESTART_STEPS).collect();
         gaps.sort_by_key(|gap| std::cmp::Reverse(gap.missing));
         let longest = gaps.into_iter().take(MOST_RESTARTS).map(|gap| gap.first + gap.missing);
-        let mut possible_run_starts: Vec<usize> = std::iter::once(0).chain(longest).collect();
-        possible_run_starts.sort_unstable();
+        let possible_run_starts = in_order(longest.chain(off.iter().map(|off| off.start)));
         Self {
             recording,
             time_s,
@@ -260,6 +297,17 @@ impl<'r> Inputs<'r> {
             .map(|rank| self.thermometers.iter().filter(|thermometer| rank(thermometer)).collect::<Vec<_>>())
             .find(|found| !found.is_empty())
             .unwrap_or_default()
+    }
+
+    /// Whether a thermometer sits at another place than the one whose temperature it tells for want of a nearer one, and of another instrument.
+    pub fn is_at_another(&self, place: &Place, thermometer: &Thermometer) -> bool {
+        let Some(near) = thermometer.near.as_deref() else { return false };
+        let nominal = self.nominal_temperature(place).map(|(column, _)| column);
+        let is_own =
+            near == self.recording.sensors[place.sensor].sensor.id || nominal == Some(&*thermometer.column);
+        let is_mate = |other: &Place| !self.is_loop() && place.group.is_some() && other.group == place.group;
+        let is_there = |other: &&Place| other.name == near && near != place.name && !is_mate(other);
+        !is_own && self.places.iter().any(|other| is_there(&other))
     }
 
     /// What the sensor of a place reads, as its input by what the user believes of it; NaN where it is missing.

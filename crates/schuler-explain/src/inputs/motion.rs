@@ -3,12 +3,15 @@
 //! Frames and derivations are those of [`schuler_recording::motion`]. SI units, one value a row, holes bridged.
 use nalgebra::{Rotation3, Vector3};
 use schuler_recording::Recording;
-use schuler_recording::case::MotionKind;
+use schuler_recording::case::{MotionKind, Quantity, SensorKind};
 use schuler_recording::motion::{Use, body_to_ned, earth, inertial_rate, specific_force};
 
-use super::redundant;
+use schuler_recording::recording::AuxiliarySeries;
+use schuler_recording::unit::{Dimension, STANDARD_GRAVITY, Unit};
+
+use super::place::VELOCITY;
+use super::redundant::{self, axis_of};
 use super::series::{Series, bridged, derivative};
-use schuler_recording::unit::{Dimension, STANDARD_GRAVITY};
 
 /// Components x, y, z.
 pub type Vectors = [Series; 3];
@@ -24,7 +27,7 @@ pub struct BodyMotion {
     pub angular_acceleration: Option<Vectors>,
     /// Specific force, m/s².
     pub force: Option<Vectors>,
-    /// Velocity over the Earth, m/s.
+    /// Velocity over the Earth, m/s; in a Schuler loop that of which the channel has an error.
     pub velocity: Option<Vectors>,
     /// Direction of north.
     pub north: Option<Vectors>,
@@ -85,7 +88,7 @@ impl BodyMotion {
         let Some(attitude) = attitude else {
             if recording.case.motion.kind == MotionKind::VelocityError {
                 // A channel of an inertial system lies level and points along its axis.
-                motion.velocity = velocity_ned;
+                motion.velocity = velocity_ned.or_else(|| speed_along_channel(recording, time_s));
             }
             return motion.with_angular_acceleration(time_s);
         };
@@ -114,7 +117,10 @@ impl BodyMotion {
             motion.force = if let (Some(velocity), Some(site)) = (&velocity_ned, recording.case.site) {
                 let (latitude, altitude) = (site.latitude_deg.to_radians(), site.altitude_m);
                 let (attitude, velocity) = (columns(&attitude), columns(velocity));
-                fill(time_s, &specific_force(time_s, &attitude, &velocity, latitude, altitude, Use::Input))
+                fill(
+                    time_s,
+                    &specific_force(time_s, &attitude, Some(&velocity), latitude, altitude, Use::Input),
+                )
             } else {
                 // Without a velocity the body turns where it is.
                 let gravity = gravity(recording);
@@ -140,6 +146,21 @@ impl BodyMotion {
         }
         .with_angular_acceleration(time_s)
     }
+}
+
+/// The velocity along the axis of an inertial channel, which a speed that is recorded beside its error is.
+fn speed_along_channel(recording: &Recording, time_s: &[f64]) -> Option<Vectors> {
+    let channel = recording.sensors.iter().find(|series| series.sensor.kind == SensorKind::InsVelocity)?;
+    let is_its = |series: &&AuxiliarySeries| {
+        let near = series.auxiliary.near.as_deref();
+        series.auxiliary.quantity == Quantity::Speed
+            && series.auxiliary.unit == Unit::MetrePerSecond.name()
+            && near.is_none_or(|near| near == channel.sensor.id || near == VELOCITY)
+    };
+    let speed = recording.auxiliaries.iter().find(is_its)?;
+    let speed = bridged(time_s, &speed.values)?;
+    let axis = axis_of(&channel.sensor);
+    Some(of_rows(time_s.len(), |row| axis * speed[row]))
 }
 
 /// Gravity at the site, m/s²; standard gravity without one.

@@ -9,6 +9,9 @@ use super::redundant::axis_of;
 use super::series::Series;
 use crate::catalogue::Port;
 
+/// The name of a Schuler loop's output.
+pub const VELOCITY: &str = "velocity";
+
 /// A place at which an effect can act.
 #[derive(Clone, Debug)]
 pub struct Place {
@@ -109,7 +112,7 @@ pub fn places(recording: &Recording, motion: &BodyMotion) -> Vec<Place> {
             let (metre, radian) = (Unit::MetrePerSecondSquared, Unit::RadianPerSecond);
             places.push(place(Port::Accelerometer, "accelerometer", SensorKind::Accelerometer, metre));
             places.push(place(Port::Gyro, "gyro", SensorKind::Dtg, radian));
-            places.push(place(Port::Output, "velocity", sensor.kind, series.written_unit));
+            places.push(place(Port::Output, VELOCITY, sensor.kind, series.written_unit));
         } else if velocity_error {
             // A loop explains its own velocity; other sensors have nothing to be compared with.
         } else {

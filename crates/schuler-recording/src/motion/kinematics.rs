@@ -76,14 +76,18 @@ pub fn inertial_rate(
 pub fn specific_force(
     time_s: &[f64],
     attitude_rad: &Columns,
-    velocity_ned: &Columns,
+    velocity_ned: Option<&Columns>,
     latitude: f64,
     altitude_m: f64,
     purpose: Use,
 ) -> Columns {
+    let gravity = Vector3::new(0.0, 0.0, earth::gravity(latitude, altitude_m));
+    let Some(velocity_ned) = velocity_ned else {
+        let at_rest = |row| Some(rotation(vector(attitude_rad, row)?).inverse() * -gravity);
+        return columns(attitude_rad[0].len(), at_rest);
+    };
     let time_s = &*sampling_times(time_s);
     let velocities: Vec<Option<Vector3<f64>>> = rows(velocity_ned).collect();
-    let gravity = Vector3::new(0.0, 0.0, earth::gravity(latitude, altitude_m));
     let change = |row: usize, other: usize| Some(get(&velocities, other)? - get(&velocities, row)?);
     let accelerations = derivatives(time_s, change, purpose);
     columns(time_s.len(), |row| {
@@ -132,6 +136,10 @@ fn get<T: Copy>(values: &[Option<T>], row: usize) -> Option<T> {
     values.get(row).copied().flatten()
 }
 
+/// Rows on either side within which a body stands that stands still, and the change within them, as a part of the largest from row to row:
+/// what such a body did before, or does later, is nothing to its rate, and would be let in by as many neighbours as its motion is worth.
+const STILL_ROWS: usize = 2;
+const STILL: f64 = 1e-6;
 /// Most neighbours on either side that a derivative is made of, and the difference by which noise is judged.
 const WIDEST: usize = 16;
 /// Turn of a neighbour, but the nearest, beside a steady one that is still used, rad.
@@ -165,9 +173,13 @@ fn derivatives(
     });
     let as_good = |reach: usize| orders.as_ref().is_none_or(|orders| orders.is_as_good(reach));
     let weights: Vec<Vec<f64>> = (0..=reach).map(flattest).collect();
+    let nothing = STILL * sampled.iter().map(Changes::nearest).fold(0.0, f64::max);
     (0..time_s.len())
         .map(|row| {
             let changes = changes(row, reach);
+            if changes.reach() >= STILL_ROWS && changes.is_still(nothing) {
+                return Some(changes.sum(&weights[1]));
+            }
             let reach = changes.reach();
             (reach > 0 && (purpose != Use::Prediction || as_good(reach)))
                 .then(|| changes.sum(&weights[reach]))
@@ -261,6 +273,17 @@ impl Changes {
         self.pairs.len()
     }
 
+    /// The larger of the changes to the nearest rows.
+    fn nearest(&self) -> f64 {
+        self.pairs.first().map_or(0.0, |([before, after], _)| before.norm().max(after.norm()))
+    }
+
+    /// Whether none of the nearest rows differs by more than `nothing`.
+    fn is_still(&self, nothing: f64) -> bool {
+        let near = self.pairs.iter().take(STILL_ROWS).flat_map(|(changes, _)| changes);
+        near.into_iter().all(|change| change.norm() <= nothing)
+    }
+
     /// Sum of the slopes with weights.
     fn sum(&self, weights: &[f64]) -> Vector3<f64> {
         let slopes = self.pairs.iter().map(|([before, after], span_s)| (after - before) / *span_s);
@@ -308,12 +331,54 @@ mod tests {
         let velocity = [vec![0.0; rows], vec![0.0; rows], vec![0.0; rows]];
         let ned = body_to_ned(0.1, -0.2, 2.9);
         let rate = inertial_rate(&times(rows), &attitude, None, LATITUDE, 100.0, Use::Prediction);
-        let force = specific_force(&times(rows), &attitude, &velocity, LATITUDE, 100.0, Use::Prediction);
+        let force =
+            specific_force(&times(rows), &attitude, Some(&velocity), LATITUDE, 100.0, Use::Prediction);
         for row in 1..rows - 1 {
             assert!((vector(&rate, row).unwrap() - rate_at_rest(&ned, LATITUDE)).norm() < 1e-15);
             assert!(
                 (vector(&force, row).unwrap() - specific_force_at_rest(&ned, LATITUDE, 100.0)).norm() < 1e-12
             );
+        }
+    }
+
+    /// A table that is turned from pose to pose, with a jump of its acceleration at either end: two rows from there it stands.
+    #[test]
+    fn a_table_that_stands_has_no_rate_of_its_turns() {
+        let turn_rows = 40;
+        let pose = |row: usize| {
+            let (number, within) = (row / 200, row % 200);
+            let part = (within as f64 / turn_rows as f64).min(1.0);
+            number as f64 + 0.5 * (1.0 - (PI * part).cos())
+        };
+        let rows = 1000;
+        let still = vec![0.3; rows];
+        let attitude = [(0..rows).map(pose).collect(), still.clone(), still];
+        for purpose in [Use::Prediction, Use::Input, Use::Instant] {
+            let rate = inertial_rate(&times(rows), &attitude, None, LATITUDE, 100.0, purpose);
+            let stands = |row: &usize| (turn_rows + 2..198).contains(&(row % 200)) && *row > 200;
+            for row in (0..rows - 20).filter(stands) {
+                let ned = body_to_ned(attitude[0][row], 0.3, 0.3);
+                let off = (vector(&rate, row).unwrap() - rate_at_rest(&ned, LATITUDE)).norm();
+                assert!(off < 1e-13, "{purpose:?} {row}: {off:e}");
+            }
+        }
+    }
+
+    /// A body of which no velocity is recorded turns where it is.
+    #[test]
+    fn without_a_velocity_the_force_is_that_of_a_body_in_its_place() {
+        let rows = 60;
+        let attitude: Columns =
+            std::array::from_fn(|axis| (0..rows).map(|row| 0.01 * (axis * row) as f64).collect());
+        let at_rest: Columns = std::array::from_fn(|_| vec![0.0; rows]);
+        let force =
+            |velocity| specific_force(&times(rows), &attitude, velocity, LATITUDE, 100.0, Use::Prediction);
+        let (without, with) = (force(None), force(Some(&at_rest)));
+        for row in 0..rows {
+            let ned = body_to_ned(attitude[0][row], attitude[1][row], attitude[2][row]);
+            let expected = specific_force_at_rest(&ned, LATITUDE, 100.0);
+            assert!((vector(&without, row).unwrap() - expected).norm() < 1e-12);
+            assert!(vector(&with, row).is_none_or(|with| (with - expected).norm() < 1e-12));
         }
     }
 
@@ -395,7 +460,7 @@ mod tests {
         let velocity = [vec![speed; rows], zeros(), zeros()];
         let attitude = [zeros(), zeros(), zeros()];
         let rate = inertial_rate(&times(rows), &attitude, Some(&velocity), LATITUDE, 0.0, Use::Prediction);
-        let force = specific_force(&times(rows), &attitude, &velocity, LATITUDE, 0.0, Use::Prediction);
+        let force = specific_force(&times(rows), &attitude, Some(&velocity), LATITUDE, 0.0, Use::Prediction);
         let (sin, cos) = LATITUDE.sin_cos();
         let (omega, turn) = (earth::ROTATION_RATE, speed / earth::meridian_radius(LATITUDE));
         let expected = Vector3::new(omega * cos, -turn, -omega * sin);

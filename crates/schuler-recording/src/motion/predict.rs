@@ -80,7 +80,8 @@ fn at_rest(recording: &Recording, sensor: &Sensor) -> Result<f64, Unpredictable>
     Ok(axis.dot(&input))
 }
 
-/// Recorded columns are taken where they are given, and derived where they are not.
+/// Recorded columns are taken where they are given, and derived where they are not. A body of which no velocity is recorded turns where
+/// it is.
 fn moving(recording: &Recording, sensor: &Sensor) -> Result<Vec<f64>, Unpredictable> {
     let motion = &recording.motion;
     let attitude = motion.attitude_rad.as_ref().ok_or(Unpredictable::Attitude);
@@ -101,7 +102,6 @@ fn moving(recording: &Recording, sensor: &Sensor) -> Result<Vec<f64>, Unpredicta
             if let Some(force) = &motion.specific_force {
                 return Ok(along(&axis, force));
             }
-            let velocity = velocity.ok_or(Unpredictable::Velocity)?;
             let (attitude, (latitude, altitude_m)) = (attitude?, place(recording)?);
             Ok(along(
                 &axis,
