@@ -14,8 +14,6 @@ pub struct Price {
     pub ln_places: f64,
     /// Parameters sought in a continuum, of which larger gains know more places.
     pub continuous: usize,
-    /// How much less likely it is beforehand, nats.
-    pub doubt: f64,
     /// Most evidence that a gain may be, which is that of what is the effect's own in it.
     pub most: f64,
 }
@@ -23,20 +21,18 @@ pub struct Price {
 impl Price {
     /// Of a candidate that was sought in so many places.
     pub fn of(candidate: &Candidate, freedom: usize, ln_places: f64) -> Self {
-        let (continuous, doubt) = (continuous(candidate), candidate.doubt);
-        Self { freedom, ln_places, continuous, doubt, most: f64::INFINITY }
+        Self { freedom, ln_places, continuous: continuous(candidate), most: f64::INFINITY }
     }
 
     /// Of what was sought in so many places, and in no continuum.
     pub fn among(freedom: usize, ln_places: f64) -> Self {
-        Self { freedom, ln_places, continuous: 0, doubt: 0.0, most: f64::INFINITY }
+        Self { freedom, ln_places, continuous: 0, most: f64::INFINITY }
     }
 
     /// −ln p of a gain.
     pub fn evidence(&self, gain: f64) -> f64 {
         let alone = -ln_chi_squared_tail(2.0 * gain, self.freedom);
-        let places = ln_places_at(alone, self.ln_places, self.continuous);
-        (alone - places - self.doubt).clamp(0.0, self.most)
+        (alone - ln_places_at(alone, self.ln_places, self.continuous)).clamp(0.0, self.most)
     }
 }
 

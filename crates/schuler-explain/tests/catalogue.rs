@@ -2,12 +2,14 @@
 //! not offered where what it needs was not recorded or does not vary.
 use std::f64::consts::{PI, TAU};
 
+use nalgebra::{Rotation3, Vector3};
 use schuler_explain::catalogue::{CATALOGUE, Candidate, OnsetShape, Port, Search, Signature, Target};
 use schuler_explain::inputs::Inputs;
 use schuler_recording::case::{
     Attitude, Auxiliary, Case, Motion, MotionKind, Nominal, Quantity, SchulerLoop, Sensor, SensorKind, Site,
     Source, TemperatureBias,
 };
+use schuler_recording::motion::{body_to_ned, earth};
 use schuler_recording::recording::{AuxiliarySeries, Gap, MotionSeries, Quality, SensorSeries};
 use schuler_recording::unit::Unit;
 use schuler_recording::{Recording, unit};
@@ -947,26 +949,51 @@ fn a_thermometer_at_another_sensor_still_makes_a_gradient() {
     }
 }
 
-/// Where the sensor itself has no thermometer another's may tell its temperature, and is less likely to be what it depends on.
+/// A body that is turned from pose to pose shows north and down by the rate and the specific force that are recorded of it.
 #[test]
-fn a_thermometer_at_another_sensor_is_doubted() {
-    let scene = Scene::new(MotionKind::Static, 4001, 1.0)
+fn a_body_that_stands_now_and_then_shows_the_error_of_its_heading() {
+    const LATITUDE_DEG: f64 = 50.0;
+    let ned = earth::rotation_ned(LATITUDE_DEG.to_radians());
+    let turn_rate = Vector3::new(0.02, -0.01, 0.03);
+    let turns = |row: usize| (200..260).contains(&row) || (500..560).contains(&row);
+    let mut attitude = body_to_ned(0.3, 0.2, 1.0);
+    let mut scene = Scene::new(MotionKind::Recorded, 900, 1.0)
         .sensor("g", SensorKind::Dtg, Unit::DegreePerHour, [1.0, 0.0, 0.0])
-        .sensor("h", SensorKind::Dtg, Unit::DegreePerHour, [0.0, 1.0, 0.0])
-        .aux("T", Quantity::Temperature, "degC", Some("g"), |t| 25.0 + 6.0 * (t / 600.0).sin());
-    let doubts = |scene: &Scene| {
-        let inputs = Inputs::new(&scene.0);
-        [0, 1].map(|sensor| at(&inputs, "bias_temperature", sensor, &[("column", "T")])[0].doubt)
-    };
-    assert_eq!(doubts(&scene), [0.0, std::f64::consts::LN_10]);
-    let mut of_one_instrument = Scene(scene.0.clone());
-    for series in &mut of_one_instrument.0.sensors {
-        series.sensor.group = Some("block".to_owned());
+        .site(LATITUDE_DEG);
+    let (mut rate, mut force) = ([vec![], vec![], vec![]], [vec![], vec![], vec![]]);
+    let mut expected = Vec::new();
+    let gravity = earth::gravity(LATITUDE_DEG.to_radians(), 0.0);
+    for row in 0..900 {
+        let to_body = attitude.inverse();
+        let turn = if turns(row) { turn_rate } else { Vector3::zeros() };
+        let columns =
+            [(&mut rate, to_body * ned + turn), (&mut force, to_body * Vector3::new(0.0, 0.0, -gravity))];
+        for (columns, vector) in columns {
+            columns.iter_mut().zip(vector.iter()).for_each(|(column, value)| column.push(*value));
+        }
+        expected.push(-(to_body * Vector3::new(0.0, ned.x, 0.0)).x);
+        if turns(row) {
+            attitude *= Rotation3::new(turn_rate);
+        }
     }
-    assert_eq!(doubts(&of_one_instrument), [0.0, 0.0]);
-    let mut anywhere = Scene(scene.0);
-    anywhere.0.auxiliaries[0].auxiliary.near = None;
-    assert_eq!(doubts(&anywhere), [0.0, 0.0]);
+    scene.0.motion.rate = Some(rate.clone());
+    scene.0.motion.specific_force = Some(force.clone());
+    let of_heading = |scene: &Scene| {
+        let found = at(&Inputs::new(&scene.0), "earth_rate_attitude", 0, &[("angle", "heading")]);
+        found.first().map(|found| column(found, &[], 0, 900))
+    };
+    let found = of_heading(&scene).unwrap();
+    for (row, (found, expected)) in found.iter().zip(&expected).enumerate() {
+        // The rate within a step is not known.
+        let most = if turns(row) { 0.03 } else { 1e-9 };
+        assert!((found - expected).abs() < most * ned.x, "{row}: {found:e} {expected:e}");
+    }
+    // One that never stands still does not.
+    scene.0.motion.rate.as_mut().unwrap()[1].iter_mut().for_each(|rate| *rate += 1e-3);
+    assert!(of_heading(&scene).is_none());
+    scene.0.motion.rate = Some(rate);
+    scene.0.motion.specific_force.as_mut().unwrap()[1].iter_mut().for_each(|force| *force += 5.0);
+    assert!(of_heading(&scene).is_none());
 }
 
 #[test]

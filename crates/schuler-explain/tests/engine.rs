@@ -120,7 +120,6 @@ fn candidate(effect: &'static Effect, sensor: usize, search: Search) -> Candidat
         variant: Vec::new(),
         search,
         amplitudes,
-        doubt: 0.0,
     }
 }
 

@@ -118,13 +118,12 @@ pub(super) struct Draft {
     pub(super) variant: Vec<(&'static str, String)>,
     pub(super) search: Search,
     pub(super) amplitudes: Vec<Amplitude>,
-    pub(super) doubt: f64,
 }
 
 impl Draft {
     /// A search without a signature, or with its own.
     pub(super) fn new(search: Search, amplitudes: Vec<Amplitude>) -> Self {
-        Self { variant: Vec::new(), search, amplitudes, doubt: 0.0 }
+        Self { variant: Vec::new(), search, amplitudes }
     }
 
     /// One column at one place.
@@ -229,16 +228,10 @@ impl Draft {
         self
     }
 
-    /// The same, so many nats less likely beforehand.
-    pub(super) fn doubted(mut self, nats: f64) -> Self {
-        self.doubt += nats;
-        self
-    }
-
     /// The same at its target.
     pub(super) fn of(self, effect: &'static Effect, target: Target, port: Port) -> Candidate {
-        let Self { variant, search, amplitudes, doubt } = self;
-        Candidate { effect, target, port, variant, search, amplitudes, doubt }
+        let Self { variant, search, amplitudes } = self;
+        Candidate { effect, target, port, variant, search, amplitudes }
     }
 }
 

@@ -70,8 +70,6 @@ pub struct Candidate {
     pub search: Search,
     /// One for each column of the signature.
     pub amplitudes: Vec<Amplitude>,
-    /// How much less likely beforehand it is than others, nats.
-    pub doubt: f64,
 }
 
 impl Candidate {

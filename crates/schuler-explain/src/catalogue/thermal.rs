@@ -28,9 +28,6 @@ const TURN_PARTS: [f64; 3] = [0.2, 0.1, 0.05];
 /// Steps of the thermometer by which it has to turn.
 const TURN_COUNTS: f64 = 4.0;
 
-/// A sensor's own temperature is ten times as likely to be what it depends on as that of another one.
-const AT_ANOTHER: f64 = std::f64::consts::LN_10;
-
 const IEEE_813: &str =
     "IEEE Std 813, IEEE Std 1293 (temperature sensitivities); Tarygin 2024 for the rate and gradient terms";
 
@@ -283,18 +280,12 @@ fn per_thermometer(
         (inputs.thermometers_at(place).into_iter())
             .filter(|thermometer| thermometer.varies())
             .flat_map(|thermometer| {
-                let doubt = doubt(inputs, place, thermometer);
                 (drafts(place, thermometer).into_iter())
-                    .map(|draft| draft.with("column", &thermometer.column).doubted(doubt))
+                    .map(|draft| draft.with("column", &thermometer.column))
                     .collect::<Vec<_>>()
             })
             .collect()
     })
-}
-
-/// What speaks beforehand against a dependence on a thermometer, nats: it may be at another sensor, which then more likely has it.
-fn doubt(inputs: &Inputs<'_>, place: &Place, thermometer: &Thermometer) -> f64 {
-    if inputs.is_at_another(place, thermometer) { AT_ANOTHER } else { 0.0 }
 }
 
 /// `factor·(T − T₀)`.

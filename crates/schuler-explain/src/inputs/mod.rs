@@ -299,17 +299,6 @@ impl<'r> Inputs<'r> {
             .unwrap_or_default()
     }
 
-    /// Whether a thermometer sits at another place than the one whose temperature it tells for want of a nearer one, and of another instrument.
-    pub fn is_at_another(&self, place: &Place, thermometer: &Thermometer) -> bool {
-        let Some(near) = thermometer.near.as_deref() else { return false };
-        let nominal = self.nominal_temperature(place).map(|(column, _)| column);
-        let is_own =
-            near == self.recording.sensors[place.sensor].sensor.id || nominal == Some(&*thermometer.column);
-        let is_mate = |other: &Place| !self.is_loop() && place.group.is_some() && other.group == place.group;
-        let is_there = |other: &&Place| other.name == near && near != place.name && !is_mate(other);
-        !is_own && self.places.iter().any(|other| is_there(&other))
-    }
-
     /// What the sensor of a place reads, as its input by what the user believes of it; NaN where it is missing.
     pub fn readings_of(&self, place: &Place) -> Vec<f64> {
         nominal::of_input(self.recording, &[], place.sensor)

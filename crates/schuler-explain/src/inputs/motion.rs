@@ -5,13 +5,20 @@ use nalgebra::{Rotation3, Vector3};
 use schuler_recording::Recording;
 use schuler_recording::case::{MotionKind, Quantity, SensorKind};
 use schuler_recording::motion::{Use, body_to_ned, earth, inertial_rate, specific_force};
-
 use schuler_recording::recording::AuxiliarySeries;
 use schuler_recording::unit::{Dimension, STANDARD_GRAVITY, Unit};
 
 use super::place::VELOCITY;
 use super::redundant::{self, axis_of};
 use super::series::{Series, bridged, derivative};
+
+/// How far the rate of a body that stands may be from the Earth's, and its specific force from gravity, as parts of them: what the case takes
+/// for gravity differs by half a hundredth from pole to equator. And the part of the record in which it has to stand.
+const AS_EARTH_RATE: f64 = 1e-3;
+const AS_GRAVITY: f64 = 1e-2;
+const LEAST_STANDING: f64 = 0.1;
+/// Least part of the Earth's rate that is level: nearer to a pole nobody knows where north is.
+const LEAST_LEVEL: f64 = 0.01;
 
 /// Components x, y, z.
 pub type Vectors = [Series; 3];
@@ -89,6 +96,8 @@ impl BodyMotion {
             if recording.case.motion.kind == MotionKind::VelocityError {
                 // A channel of an inertial system lies level and points along its axis.
                 motion.velocity = velocity_ned.or_else(|| speed_along_channel(recording, time_s));
+            } else if let Some([north, down]) = levelled(recording, time_s, &motion) {
+                (motion.north, motion.down) = (Some(north), Some(down));
             }
             return motion.with_angular_acceleration(time_s);
         };
@@ -146,6 +155,50 @@ impl BodyMotion {
         }
         .with_angular_acceleration(time_s)
     }
+}
+
+/// North and down of a body that stands now and then, of which rate and specific force are recorded: standing it has gravity and the Earth's
+/// rate, and between that its rate turns both. `None` where it stands too seldom, or the site is not given.
+fn levelled(recording: &Recording, time_s: &[f64], motion: &BodyMotion) -> Option<[Vectors; 2]> {
+    let (rate, force) = (motion.rate.as_ref()?, motion.force.as_ref()?);
+    let latitude = recording.case.site?.latitude_deg.to_radians();
+    let gravity = gravity(recording);
+    let stands = |row: usize| {
+        let (rate, force) = (row_of(rate, row) / earth::ROTATION_RATE, row_of(force, row) / gravity);
+        let down = -force.normalize();
+        let is_gravity = (force.norm() - 1.0).abs() < AS_GRAVITY;
+        let is_earth_rate = |part: f64, of_earth: f64| (part - of_earth).abs() < AS_EARTH_RATE;
+        (is_gravity && is_earth_rate(rate.norm(), 1.0) && is_earth_rate(rate.dot(&down), -latitude.sin()))
+            .then_some((rate, down))
+    };
+    let standing = |&row: &usize| stands(row).is_some();
+    let first = (0..time_s.len()).find(standing)?;
+    if ((first..time_s.len()).filter(standing).count() as f64) < LEAST_STANDING * time_s.len() as f64 {
+        return None;
+    }
+    let mut of_rows = vec![(Vector3::zeros(), Vector3::zeros()); time_s.len()];
+    // From where it stands first, to either side.
+    let turned = |(earth_rate, down): (Vector3<f64>, Vector3<f64>), from: usize, to: usize| {
+        let mean = 0.5 * (row_of(rate, from) + row_of(rate, to));
+        let turn = Rotation3::new(mean * (time_s[from] - time_s[to]));
+        stands(to).unwrap_or((turn * earth_rate, turn * down))
+    };
+    of_rows[first] = stands(first)?;
+    for row in first + 1..time_s.len() {
+        of_rows[row] = turned(of_rows[row - 1], row - 1, row);
+    }
+    for row in (0..first).rev() {
+        of_rows[row] = turned(of_rows[row + 1], row + 1, row);
+    }
+    let north = |row: usize| {
+        let (earth_rate, down) = of_rows[row];
+        (earth_rate - down * earth_rate.dot(&down)).try_normalize(LEAST_LEVEL)
+    };
+    let all = (0..time_s.len()).all(|row| north(row).is_some());
+    all.then(|| {
+        let north = self::of_rows(time_s.len(), |row| north(row).unwrap_or_default());
+        [north, self::of_rows(time_s.len(), |row| of_rows[row].1)]
+    })
 }
 
 /// The velocity along the axis of an inertial channel, which a speed that is recorded beside its error is.
