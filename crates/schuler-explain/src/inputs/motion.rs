@@ -176,28 +176,28 @@ fn levelled(recording: &Recording, time_s: &[f64], motion: &BodyMotion) -> Optio
     if ((first..time_s.len()).filter(standing).count() as f64) < LEAST_STANDING * time_s.len() as f64 {
         return None;
     }
-    let mut of_rows = vec![(Vector3::zeros(), Vector3::zeros()); time_s.len()];
+    let mut seen = vec![(Vector3::zeros(), Vector3::zeros()); time_s.len()];
     // From where it stands first, to either side.
     let turned = |(earth_rate, down): (Vector3<f64>, Vector3<f64>), from: usize, to: usize| {
         let mean = 0.5 * (row_of(rate, from) + row_of(rate, to));
         let turn = Rotation3::new(mean * (time_s[from] - time_s[to]));
         stands(to).unwrap_or((turn * earth_rate, turn * down))
     };
-    of_rows[first] = stands(first)?;
+    seen[first] = stands(first)?;
     for row in first + 1..time_s.len() {
-        of_rows[row] = turned(of_rows[row - 1], row - 1, row);
+        seen[row] = turned(seen[row - 1], row - 1, row);
     }
     for row in (0..first).rev() {
-        of_rows[row] = turned(of_rows[row + 1], row + 1, row);
+        seen[row] = turned(seen[row + 1], row + 1, row);
     }
     let north = |row: usize| {
-        let (earth_rate, down) = of_rows[row];
+        let (earth_rate, down) = seen[row];
         (earth_rate - down * earth_rate.dot(&down)).try_normalize(LEAST_LEVEL)
     };
     let all = (0..time_s.len()).all(|row| north(row).is_some());
     all.then(|| {
-        let north = self::of_rows(time_s.len(), |row| north(row).unwrap_or_default());
-        [north, self::of_rows(time_s.len(), |row| of_rows[row].1)]
+        let north = of_rows(time_s.len(), |row| north(row).unwrap_or_default());
+        [north, of_rows(time_s.len(), |row| seen[row].1)]
     })
 }
 
