@@ -154,10 +154,12 @@ fn times_off(recording: &Recording) -> Vec<Range<usize>> {
         let ends = |(row, &value): (usize, &f64)| {
             if value < on {
                 off.get_or_insert(row);
-                return None;
+                None
+            } else if value.is_finite() {
+                off.take().map(|from| from..row)
+            } else {
+                None
             }
-            let from = if value.is_finite() { off.take()? } else { return None };
-            Some(from..row)
         };
         let off: Vec<Range<usize>> = series.values.iter().enumerate().filter_map(ends).collect();
         if off.len() > MOST_RESTARTS { Vec::new() } else { off }

@@ -112,29 +112,25 @@ impl BodyMotion {
         motion.velocity =
             (velocity_ned.as_ref()).map(|[n, e, d]| in_body(&|row| Vector3::new(n[row], e[row], d[row])));
         let columns = |vectors: &Vectors| vectors.each_ref().map(|component| component.to_vec());
-        if let (None, Some(site)) = (&motion.rate, recording.case.site) {
+        if let Some(site) = recording.case.site {
             let (latitude, altitude) = (site.latitude_deg.to_radians(), site.altitude_m);
             let velocity = velocity_ned.as_ref().map(columns);
             let attitude = columns(&attitude);
-            let rate = |purpose| {
-                let rate = inertial_rate(time_s, &attitude, velocity.as_ref(), latitude, altitude, purpose);
-                fill(time_s, &rate)
-            };
-            (motion.rate, motion.instant_rate) = (rate(Use::Input), rate(Use::Instant));
-        }
-        if motion.force.is_none() {
-            motion.force = if let (Some(velocity), Some(site)) = (&velocity_ned, recording.case.site) {
-                let (latitude, altitude) = (site.latitude_deg.to_radians(), site.altitude_m);
-                let (attitude, velocity) = (columns(&attitude), columns(velocity));
-                fill(
-                    time_s,
-                    &specific_force(time_s, &attitude, Some(&velocity), latitude, altitude, Use::Input),
-                )
-            } else {
-                // Without a velocity the body turns where it is.
-                let gravity = gravity(recording);
-                Some(in_body(&|_| Vector3::new(0.0, 0.0, -gravity)))
-            };
+            if motion.rate.is_none() {
+                let rate = |purpose| {
+                    let rate =
+                        inertial_rate(time_s, &attitude, velocity.as_ref(), latitude, altitude, purpose);
+                    fill(time_s, &rate)
+                };
+                (motion.rate, motion.instant_rate) = (rate(Use::Input), rate(Use::Instant));
+            }
+            if motion.force.is_none() {
+                let force =
+                    specific_force(time_s, &attitude, velocity.as_ref(), latitude, altitude, Use::Input);
+                motion.force = fill(time_s, &force);
+            }
+        } else if motion.force.is_none() {
+            motion.force = Some(in_body(&|_| Vector3::new(0.0, 0.0, -STANDARD_GRAVITY)));
         }
         motion.attitude = Some(attitude);
         motion.with_angular_acceleration(time_s)
@@ -190,15 +186,11 @@ fn levelled(recording: &Recording, time_s: &[f64], motion: &BodyMotion) -> Optio
     for row in (0..first).rev() {
         seen[row] = turned(seen[row + 1], row + 1, row);
     }
-    let north = |row: usize| {
-        let (earth_rate, down) = seen[row];
-        (earth_rate - down * earth_rate.dot(&down)).try_normalize(LEAST_LEVEL)
+    let north = |(earth_rate, down): &(Vector3<f64>, Vector3<f64>)| {
+        (earth_rate - down * earth_rate.dot(down)).try_normalize(LEAST_LEVEL)
     };
-    let all = (0..time_s.len()).all(|row| north(row).is_some());
-    all.then(|| {
-        let north = of_rows(time_s.len(), |row| north(row).unwrap_or_default());
-        [north, of_rows(time_s.len(), |row| seen[row].1)]
-    })
+    let north: Vec<Vector3<f64>> = seen.iter().map(north).collect::<Option<_>>()?;
+    Some([of_rows(time_s.len(), |row| north[row]), of_rows(time_s.len(), |row| seen[row].1)])
 }
 
 /// The velocity along the axis of an inertial channel, which a speed that is recorded beside its error is.

@@ -10,7 +10,7 @@
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 
 use super::stamps::sampling_times;
-use super::{body_to_ned, earth};
+use super::{body_to_ned, earth, specific_force_at_rest};
 
 /// Three columns: x, y, z, one array each.
 type Columns = [Vec<f64>; 3];
@@ -81,13 +81,15 @@ pub fn specific_force(
     altitude_m: f64,
     purpose: Use,
 ) -> Columns {
-    let gravity = Vector3::new(0.0, 0.0, earth::gravity(latitude, altitude_m));
     let Some(velocity_ned) = velocity_ned else {
-        let at_rest = |row| Some(rotation(vector(attitude_rad, row)?).inverse() * -gravity);
-        return columns(attitude_rad[0].len(), at_rest);
+        return columns(time_s.len(), |row| {
+            let attitude = rotation(vector(attitude_rad, row)?);
+            Some(specific_force_at_rest(&attitude, latitude, altitude_m))
+        });
     };
     let time_s = &*sampling_times(time_s);
     let velocities: Vec<Option<Vector3<f64>>> = rows(velocity_ned).collect();
+    let gravity = Vector3::new(0.0, 0.0, earth::gravity(latitude, altitude_m));
     let change = |row: usize, other: usize| Some(get(&velocities, other)? - get(&velocities, row)?);
     let accelerations = derivatives(time_s, change, purpose);
     columns(time_s.len(), |row| {
@@ -315,7 +317,7 @@ mod tests {
     use std::f64::consts::PI;
 
     use super::*;
-    use crate::motion::{rate_at_rest, specific_force_at_rest};
+    use crate::motion::rate_at_rest;
 
     const LATITUDE: f64 = 0.97;
     const STEP_S: f64 = 0.1;
