@@ -152,17 +152,7 @@ impl Others<'_, '_> {
         budget: &mut Budget,
     ) -> Vec<Start> {
         let Self { case, family, .. } = *self;
-        let meet = place.len() > 1;
-        let is_of_place = |candidate: usize| is_of(case, candidate, place);
-        let own = (0..state.terms.len()).filter(|&at| is_of_place(state.terms[at].candidate));
-        let (terms, unit): (Vec<usize>, Vec<usize>) = own.partition(|&at| state.terms[at].amplitudes() > 0);
-        let is_replaced = |change: &Accepted| {
-            let is_oscillation = change.change == NoiseChange::ExponentialCosine;
-            place.contains(&change.source) && (is_oscillation || meet && is_of_slow_noise(change))
-        };
-        let noises = (0..state.changes.len()).filter(|&at| is_replaced(&state.changes[at]));
-        let aside = unit.into_iter().map(Item::Term).chain(noises.map(Item::Change)).map(Some);
-        let bases: Vec<Option<Item>> = (!terms.is_empty()).then_some(None).into_iter().chain(aside).collect();
+        let bases = bases(case, state, place);
         if bases.is_empty() {
             return Vec::new();
         }
@@ -183,48 +173,75 @@ impl Others<'_, '_> {
                 base = without_all(case, state, prices, &[item]);
                 base.0 = refitted(case, &base.0, Some(&blocks)).0;
             }
-            let bench = Bench::new(case, &base.0.terms, &base.0.noises);
-            let mut library = Library::new(&bench, Purpose::Pairs, &is_of_place);
-            let whole = library.described();
-            for left_out in sets(&terms, aside, meet) {
-                if case.watch.is_cancelled() {
-                    break;
-                }
-                let costs =
-                    aside.map_or(0.0, cost) + left_out.iter().map(|&at| cost(Item::Term(at))).sum::<f64>();
-                // Terms behind one that is aside are a place further to the front.
-                let moved =
-                    |&at: &usize| at - usize::from(matches!(aside, Some(Item::Term(other)) if other < at));
-                let left_out: Vec<usize> = left_out.iter().map(moved).collect();
-                library.leave_out(&left_out);
-                let of_aside = of_residuals(state) - of_residuals(&base.0);
-                let by_them = of_aside + whole - library.described() - costs;
-                let pairs = promising_pairs(case, &library, family, by_them - BEHIND, PAIRS_CONSIDERED);
-                let singles =
-                    meet.then(|| promising_terms(case, &library, family, by_them - BEHIND, TERMS_CONSIDERED));
-                let singles = singles.into_iter().flatten().map(|(said, term)| (said, vec![term]));
-                let others = pairs.into_iter().map(|(said, pair)| (said, pair.to_vec())).chain(singles);
-                let is_new = |(_, terms): &(f64, Vec<Term>)| {
-                    let again =
-                        |term: &Term| left_out.iter().any(|&at| base.0.terms[at].candidate == term.candidate);
-                    !terms.iter().all(again)
-                };
-                promised.extend(others.filter(is_new).map(|(said, terms)| Promised {
-                    base: starts.len(),
-                    left_out: left_out.iter().copied().map(Item::Term).collect(),
-                    terms,
-                    more: said - by_them,
-                    least: state.log_likelihood - costs - BEHIND,
-                }));
-            }
             starts.push(base);
+            promised.extend(self.promised(state, &starts, place, aside, &cost));
         }
+        self.best_of(state, &starts, promised)
+    }
+
+    /// Terms that promise to describe what `aside`, which the last of `starts` has no more, and some of the place's terms do in `state`.
+    /// `cost` is of an item of `state`.
+    fn promised(
+        &self,
+        state: &State,
+        starts: &[Start],
+        place: &[usize],
+        aside: Option<Item>,
+        cost: &impl Fn(Item) -> f64,
+    ) -> Vec<Promised> {
+        let Self { case, family, .. } = *self;
+        let Some((at_base, (base, _))) = starts.iter().enumerate().last() else { return Vec::new() };
+        let meet = place.len() > 1;
+        let is_of_place = |candidate: usize| is_of(case, candidate, place);
+        let bench = Bench::new(case, &base.terms, &base.noises);
+        let mut library = Library::new(&bench, Purpose::Pairs, &is_of_place);
+        let whole = library.described();
+        let of_aside = of_residuals(state) - of_residuals(base);
+        let mut promised = Vec::new();
+        for left_out in sets(&linear_terms(case, state, place), aside, meet) {
+            if case.watch.is_cancelled() {
+                break;
+            }
+            let costs =
+                aside.map_or(0.0, cost) + left_out.iter().map(|&at| cost(Item::Term(at))).sum::<f64>();
+            // Terms behind one that is aside are a place further to the front.
+            let moved =
+                |&at: &usize| at - usize::from(matches!(aside, Some(Item::Term(other)) if other < at));
+            let left_out: Vec<usize> = left_out.iter().map(moved).collect();
+            library.leave_out(&left_out);
+            let by_them = of_aside + whole - library.described() - costs;
+            let pairs = promising_pairs(case, &library, family, by_them - BEHIND, PAIRS_CONSIDERED);
+            let singles =
+                meet.then(|| promising_terms(case, &library, family, by_them - BEHIND, TERMS_CONSIDERED));
+            let singles = singles.into_iter().flatten().map(|(said, term)| (said, vec![term]));
+            let others = pairs.into_iter().map(|(said, pair)| (said, pair.to_vec())).chain(singles);
+            let is_new = |(_, terms): &(f64, Vec<Term>)| {
+                let again =
+                    |term: &Term| left_out.iter().any(|&at| base.terms[at].candidate == term.candidate);
+                !terms.iter().all(again)
+            };
+            promised.extend(others.filter(is_new).map(|(said, terms)| Promised {
+                base: at_base,
+                left_out: left_out.iter().copied().map(Item::Term).collect(),
+                terms,
+                more: said - by_them,
+                least: state.log_likelihood - costs - BEHIND,
+            }));
+        }
+        promised
+    }
+
+    /// The best descriptions, fitted exactly, of those that promise to be as good as `state`.
+    fn best_of(&self, state: &State, starts: &[Start], mut promised: Vec<Promised>) -> Vec<Start> {
+        let without = |base: usize, left_out: &[Item]| {
+            let (state, prices) = &starts[base];
+            without_all(self.case, state, prices, left_out)
+        };
         promised.sort_by(|a, b| b.more.total_cmp(&a.more));
         // One for two of which the other comes back is one for one.
         let mut seen = vec![identity(state)];
         promised.retain(|Promised { base, left_out, terms, .. }| {
-            let (state, prices) = &starts[*base];
-            let mut with = without_all(case, state, prices, left_out).0;
+            let mut with = without(*base, left_out).0;
             with.terms.extend(terms.iter().cloned());
             let own = identity(&with);
             let is_new = !seen.contains(&own);
@@ -233,9 +250,7 @@ impl Others<'_, '_> {
         });
         promised.truncate(TRIED);
         let exact = |Promised { base, left_out, terms, least, .. }: &Promised| {
-            let (state, prices) = &starts[*base];
-            let less = without_all(case, state, prices, left_out);
-            let (worth, start) = self.with(&less, terms, FURTHEST_ALIKE)?;
+            let (worth, start) = self.with(&without(*base, left_out), terms, FURTHEST_ALIKE)?;
             (worth > *least).then_some((worth - least, start))
         };
         followed(promised.par_iter().filter_map(exact).collect(), FOLLOWED)
@@ -322,6 +337,26 @@ impl Others<'_, '_> {
         let (with, _) = refitted(case, &with, None);
         Some((with.log_likelihood - cost, (with, prices)))
     }
+}
+
+/// Terms of a place with amplitudes, by their places in the description: columns of a library, which can be left out of it.
+fn linear_terms(case: &Case<'_>, state: &State, place: &[usize]) -> Vec<usize> {
+    let is_wanted = |term: &Term| is_of(case, term.candidate, place) && term.amplitudes() > 0;
+    (0..state.terms.len()).filter(|&at| is_wanted(&state.terms[at])).collect()
+}
+
+/// Items of a place that are set aside each for a library of its own, terms without amplitudes and noises; and nothing, where it has terms
+/// with amplitudes.
+fn bases(case: &Case<'_>, state: &State, place: &[usize]) -> Vec<Option<Item>> {
+    let is_unit = |term: &Term| is_of(case, term.candidate, place) && term.amplitudes() == 0;
+    let units = (0..state.terms.len()).filter(|&at| is_unit(&state.terms[at]));
+    let is_replaced = |change: &Accepted| {
+        let is_oscillation = change.change == NoiseChange::ExponentialCosine;
+        place.contains(&change.source) && (is_oscillation || place.len() > 1 && is_of_slow_noise(change))
+    };
+    let noises = (0..state.changes.len()).filter(|&at| is_replaced(&state.changes[at]));
+    let nothing = (!linear_terms(case, state, place).is_empty()).then_some(None);
+    nothing.into_iter().chain(units.map(Item::Term).chain(noises.map(Item::Change)).map(Some)).collect()
 }
 
 /// The terms that are left out together: each, all, and any two where sources meet; beside noise that is aside none, and each where sources meet.
