@@ -10,7 +10,7 @@ use std::sync::{Arc, OnceLock};
 use nalgebra::DVector;
 use rayon::prelude::*;
 
-use crate::catalogue::{AT_START, Candidate, NoiseChange, OnsetShape, Search, Signature, Target};
+use crate::catalogue::{AT_START, Candidate, NoiseChange, Nonlinear, OnsetShape, Search, Signature, Target};
 use crate::description::{Term, blocks_of, remainder};
 use crate::library::{Entry, Library, NullDistribution, Pair, Purpose};
 use crate::minimise::{golden, simplex};
@@ -34,6 +34,9 @@ const LONGEST_LIST: usize = 40;
 const CLOSE: f64 = 8.0;
 /// Evidence below which a candidate is not evaluated exactly.
 const LEAST_EVIDENCE: f64 = 1.0;
+/// Evidence below which its parameters are left where the grid or the scan has them: refining added 2.4 nats at most to 11 000 promises of
+/// less, a tenth of a nat to nine of ten, and nothing is told by less than some nine.
+const WORTH_REFINING: f64 = 5.0;
 /// Evidence that each of a pair must show beside the other.
 const LEAST_BESIDE: f64 = 4.0;
 /// Gain with which none of one degree of freedom shows that.
@@ -192,7 +195,7 @@ pub fn evaluate(bench: &Bench<'_>, promises: &mut [Promise], proposals: &mut Vec
             .filter(|_| !bench.case.watch.is_cancelled())
             .filter_map(|(_, (promise, _))| {
                 promise.evaluated = true;
-                bench.refine(promise, REFINED)
+                bench.refine(promise, (promise.evidence > WORTH_REFINING).then_some(REFINED))
             })
             .collect();
         proposals.extend(evaluated);
@@ -464,12 +467,12 @@ impl Bench<'_> {
             ln_places: 0.0,
             evaluated: false,
         };
-        self.refine(&promise, FINELY_REFINED)
+        self.refine(&promise, Some(FINELY_REFINED))
             .map_or_else(|| (term.clone(), 0.0), |proposal| (proposal.term, proposal.gain))
     }
 
-    /// Evaluates a promise exactly and refines its parameters.
-    fn refine(&self, promise: &Promise, refined: f64) -> Option<Proposal> {
+    /// Evaluates a promise exactly and refines its parameters so finely, or leaves them where they are.
+    fn refine(&self, promise: &Promise, refined: Option<f64>) -> Option<Proposal> {
         let candidate = &self.case.candidates[promise.candidate];
         let key = (promise.candidate, promise.starts.clone(), refined, self.keys_beside(promise.candidate));
         let found = self.case.refined.get_or(key, || self.refine_from(promise, refined));
@@ -500,31 +503,15 @@ impl Bench<'_> {
         (0..model.blocks.len()).filter(reached).map(|block| self.key(block)).collect()
     }
 
-    fn refine_from(&self, promise: &Promise, refined: f64) -> Option<Refined> {
+    fn refine_from(&self, promise: &Promise, refined: Option<f64>) -> Option<Refined> {
         let candidate = &self.case.candidates[promise.candidate];
         let term_at = |point: &[f64]| Term::new(promise.candidate, candidate, point, self.case.time_s);
         let gain_at = |point: &[f64]| self.gain_of(&term_at(point)).0;
         let mut best: Option<(Vec<f64>, f64)> = None;
         for start in &promise.starts {
-            let (point, gain) = match &candidate.search {
-                Search::Grid { parameters, .. } => {
-                    let neighbours: Vec<(f64, f64)> = (parameters.iter().zip(start))
-                        .map(|(parameter, &value)| neighbours(&parameter.grid, value))
-                        .collect();
-                    refine_inside(start, &neighbours, gain_at, refined)
-                }
-                Search::Frequency => {
-                    let length_s = self.case.time_s.last().copied().unwrap_or(1.0).max(f64::MIN_POSITIVE);
-                    let half = 0.6 / length_s;
-                    refine_inside(start, &[(start[0] - half, start[0] + half)], gain_at, refined)
-                }
-                Search::Onset(OnsetShape::Ramp) if start.first().is_some_and(|&onset| onset > 0.0) => {
-                    let length_s = self.case.time_s.last().copied().unwrap_or(1.0);
-                    let half = ONSET_WIDTH * length_s;
-                    let range = ((start[0] - half).max(0.0), (start[0] + half).min(0.99 * length_s));
-                    refine_inside(start, &[range], gain_at, refined)
-                }
-                _ => (start.clone(), gain_at(start)),
+            let (point, gain) = match refined.zip(self.ranges(candidate, start)) {
+                Some((refined, ranges)) => refine_inside(start, &ranges, gain_at, refined),
+                None => (start.clone(), gain_at(start)),
             };
             if best.as_ref().is_none_or(|best| gain > best.1) {
                 best = Some((point, gain));
@@ -533,6 +520,26 @@ impl Bench<'_> {
         let (point, gain) = best?;
         let (_, freedom) = self.gain_of(&term_at(&point));
         Some(Refined { point, gain, freedom })
+    }
+
+    /// Where a candidate's parameters are refined around `start`; `None` where it has none that are.
+    fn ranges(&self, candidate: &Candidate, start: &[f64]) -> Option<Vec<(f64, f64)>> {
+        let length_s = self.case.time_s.last().copied().unwrap_or(1.0);
+        match &candidate.search {
+            Search::Grid { parameters, .. } => {
+                let of = |(parameter, &value): (&Nonlinear, &f64)| neighbours(&parameter.grid, value);
+                Some(parameters.iter().zip(start).map(of).collect())
+            }
+            Search::Frequency => {
+                let half = 0.6 / length_s.max(f64::MIN_POSITIVE);
+                Some(vec![(start[0] - half, start[0] + half)])
+            }
+            Search::Onset(OnsetShape::Ramp) if start.first().is_some_and(|&onset| onset > 0.0) => {
+                let half = ONSET_WIDTH * length_s;
+                Some(vec![((start[0] - half).max(0.0), (start[0] + half).min(0.99 * length_s))])
+            }
+            _ => None,
+        }
     }
 
     /// What each `wanted` change of the noise of a source of the given blocks would gain, best first, without those that

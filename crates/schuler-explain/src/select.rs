@@ -140,8 +140,8 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
         (worth(case, &found, &family), found)
     };
     let from_nothing = |way: Way, visited: &[Visited], budget: &mut Budget| {
-        let (start, promised) = ((null.clone(), Vec::new()), first.clone());
-        forward(case, start, &family, ln_level, Walk { way, promised, visited }, budget)
+        let walk = Walk { way, promised: first.clone(), stale: Vec::new(), visited };
+        forward(case, (null.clone(), Vec::new()), &family, ln_level, walk, budget)
     };
     let mut budget = Budget::new(case.model);
     let aside = budget.set_aside(FOR_OTHERS);
@@ -151,11 +151,9 @@ pub fn select<'c>(case: &'c Case<'c>, start: &State, level: f64) -> Selection<'c
     let mut for_pairs = budget.set_aside(FOR_PAIRS);
     // From another description, pruned.
     let from = |start: State, prices: Vec<Price>, way: Way, budget: &mut Budget| {
-        let (start, bench, prices) = pruned(case, start, prices, &family, ln_level);
+        let (start, _, prices) = pruned(case, start, prices, &family, ln_level);
         let stale = changed_blocks(case.model, &null, &start);
-        let mut promised = first.clone();
-        promised.renew(&bench, &family, &|candidate| touches(case, candidate, &stale));
-        let walk = Walk { way, promised, visited: &visited };
+        let walk = Walk { way, promised: first.clone(), stale, visited: &visited };
         forward(case, (start, prices), &family, ln_level, walk, budget)
     };
     let (best, _, prices) = &straight.1;
@@ -393,10 +391,12 @@ impl Promised {
 /// Where a search came by: the candidates of a description, terms and changes, and its log-likelihood.
 type Visited = ((Vec<usize>, Vec<usize>), f64);
 
-/// How a search goes: what its rounds take, what terms promise where it begins, and where the search from nothing came by.
+/// How a search goes: what its rounds take, what terms promise where it begins, but for those of some blocks, and where the search from
+/// nothing came by.
 struct Walk<'v> {
     way: Way,
     promised: Promised,
+    stale: Vec<usize>,
     visited: &'v [Visited],
 }
 
@@ -436,7 +436,7 @@ fn forward<'c>(
     (mut state, mut prices): (State, Vec<Price>),
     family: &Family,
     ln_level: f64,
-    Walk { way, mut promised, visited: straight }: Walk<'_>,
+    Walk { way, mut promised, mut stale, visited: straight }: Walk<'_>,
     budget: &mut Budget,
 ) -> Walked<'c> {
     let mut bench = Bench::new(case, &state.terms, &state.noises);
@@ -451,7 +451,6 @@ fn forward<'c>(
     let mut unfitted: Vec<usize> = (0..case.model.blocks.len()).collect();
     let mut visited: Vec<Visited> = vec![(identity(&state), state.log_likelihood)];
     let mut joined = false;
-    let mut stale: Vec<usize> = unfitted.clone();
     for round in 0..MOST_ROUNDS {
         if state.terms.len() + state.changes.len() >= MOST_FINDINGS || case.watch.is_cancelled() {
             break;
@@ -462,8 +461,14 @@ fn forward<'c>(
             && straight.iter().any(|(items, log_likelihood)| {
                 *items == identity(&state) && (log_likelihood - state.log_likelihood).abs() < SAME_NATS
             });
-        if joined || !budget.affords(of_round(case, &state, &stale)) {
+        // The first asks all changes of noise.
+        let work = of_round(case, &state, if round == 0 { &unfitted } else { &stale });
+        if joined || !budget.affords(work) {
             break;
+        }
+        if !stale.is_empty() {
+            promised.renew(&bench, family, &|candidate| touches(case, candidate, &stale));
+            stale.clear();
         }
         case.watch.progress(Phase::Search, round as f64 / (round as f64 + USUAL_ROUNDS));
         let proposals = &mut promised.proposals;
@@ -492,7 +497,7 @@ fn forward<'c>(
                 }
                 (state, bench, prices) = pruned(case, state, prices, family, ln_level);
                 visited.push((identity(&state), state.log_likelihood));
-                promised.renew(&bench, family, &|_| true);
+                stale = (0..case.model.blocks.len()).collect();
                 continue;
             }
         }
@@ -518,7 +523,7 @@ fn forward<'c>(
         let (mut next, _) = refitted(case, &next, None);
         let moved = changed_blocks(case.model, &state, &next);
         let touched = |candidate: usize| touches(case, candidate, &moved);
-        if next.terms.len() > 1 && refine_terms(case, &mut next, &touched) {
+        if refine_terms(case, &mut next, &touched) {
             next = refitted(case, &next, None).0;
         }
         let (next, next_bench, next_prices) = pruned(case, next, next_prices, family, ln_level);
@@ -530,7 +535,6 @@ fn forward<'c>(
         stale = changed_blocks(case.model, &state, &next);
         unfitted.extend(&stale);
         (state, bench, prices) = (next, next_bench, next_prices);
-        promised.renew(&bench, family, &|candidate| touches(case, candidate, &stale));
     }
     Walked { found: (state, bench, prices), visited, joined }
 }

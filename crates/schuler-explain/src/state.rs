@@ -95,8 +95,8 @@ pub struct Key {
     terms: Vec<Name>,
 }
 
-/// A candidate, the points from which its parameters are refined, how finely, and what its gain depends on.
-type Sought = (usize, Vec<Vec<f64>>, f64, Vec<Key>);
+/// A candidate, the points from which its parameters are refined, how finely if at all, and what its gain depends on.
+type Sought = (usize, Vec<Vec<f64>>, Option<f64>, Vec<Key>);
 
 /// What a block's signatures are multiplied with.
 #[derive(Clone, Debug, PartialEq)]
