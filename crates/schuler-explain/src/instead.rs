@@ -190,7 +190,7 @@ impl Others<'_, '_> {
         cost: &impl Fn(Item) -> f64,
     ) -> Vec<Promised> {
         let Self { case, family, .. } = *self;
-        let Some((at_base, (base, _))) = starts.iter().enumerate().last() else { return Vec::new() };
+        let Some((at_base, (base, _))) = starts.iter().enumerate().next_back() else { return Vec::new() };
         let meet = place.len() > 1;
         let is_of_place = |candidate: usize| is_of(case, candidate, place);
         let bench = Bench::new(case, &base.terms, &base.noises);

@@ -7,7 +7,7 @@
 //! | forwards | values y | y − H x | Φ x + D e | W e |
 //! | backwards | whitened innovations w | Wᵀw + Dᵀx | Φᵀx − Hᵀe | |
 //!
-//! the same step but for its matrices, in which Φ x does not wait for e. States stand in groups, whose numbers are computed side by side, the
+//! the same step but for its matrices, in which Φ x does not wait for e. Rows wait for each other, columns do not: a few run side by side. States stand in groups, whose numbers are computed side by side, the
 //! two of an oscillation in the same place of neighbours; channels stand in blocks, whose sums stay in registers. Usual sizes are known to
 //! the compiler, which does not find the groups by itself: they are vectors of `wide`.
 use std::ops::Range;
@@ -25,21 +25,23 @@ const MOST: usize = 4;
 const MOST_GROUPS: usize = 12;
 /// Rows that run at once.
 pub const RUN_ROWS: usize = 256;
+/// Columns that run side by side: each row of one waits for the row before, and meanwhile the others are computed.
+const SIDE_BY_SIDE: usize = 2;
 
 /// A filter's runs by gains that are laid out.
 pub trait LaidOut: Send + Sync {
     /// Number of channels.
     fn channels(&self) -> usize;
 
-    /// Whitened innovations of some rows of a column, channel after channel, under one gain, or each row under the next. Takes the predicted
-    /// state from the first of them to behind the last.
+    /// Whitened innovations of some rows of each column, channel after channel, under one gain, or each row under the next. Takes the
+    /// predicted state of each from the first of them to behind the last.
     fn whiten(
         &self,
         gains: Gains,
-        column: &[f64],
+        columns: &[&[f64]],
         over: Range<usize>,
-        state: &mut [f64],
-        whitened: &mut [f64],
+        states: &mut [Vec<f64>],
+        whitened: &mut [Vec<f64>],
     );
 
     /// Takes the derivative of half the sum of squares of a column of whitened innovations by the predicted state from behind some rows
@@ -47,21 +49,23 @@ pub trait LaidOut: Send + Sync {
     fn backwards(&self, gain: usize, whitened: &[f64], over: Range<usize>, costate: &mut [f64]);
 }
 
-/// Runs some rows of a column, at most [`RUN_ROWS`], and puts what is whitened into its place in that of the column; `run` has room for it.
+/// Runs some rows of columns, at most [`RUN_ROWS`], and puts what is whitened into its place in those of the columns; each of `run` has room
+/// for what is of one.
 pub fn whiten_rows<T: Rounded>(
     runs: &dyn LaidOut,
     (gains, over): (Gains, Range<usize>),
-    column: &[f64],
-    state: &mut [f64],
-    run: &mut [f64],
-    whitened: &mut [T],
+    columns: &[&[f64]],
+    states: &mut [Vec<f64>],
+    run: &mut [Vec<f64>],
+    whitened: &mut [Vec<T>],
 ) {
-    let rows = column.len() / runs.channels();
-    let run = &mut run[..runs.channels() * over.len()];
-    runs.whiten(gains, column, over.clone(), state, run);
-    for (c, run) in run.chunks_exact(over.len()).enumerate() {
-        let slots = &mut whitened[c * rows..][over.clone()];
-        slots.iter_mut().zip(run).for_each(|(slot, value)| *slot = T::rounded(*value));
+    runs.whiten(gains, columns, over.clone(), states, run);
+    for ((column, run), whitened) in columns.iter().zip(run).zip(whitened) {
+        let rows = column.len() / runs.channels();
+        for (c, run) in run.chunks_exact(over.len()).take(runs.channels()).enumerate() {
+            let slots = &mut whitened[c * rows..][over.clone()];
+            slots.iter_mut().zip(run).for_each(|(slot, value)| *slot = T::rounded(*value));
+        }
     }
 }
 
@@ -405,6 +409,53 @@ impl<G: Size, C: Size, const B: usize> Runs<G, C, B> {
     }
 }
 
+impl<G: Size, C: Size, const B: usize> Runs<G, C, B> {
+    /// `N` columns side by side.
+    #[inline]
+    fn run<const N: usize>(
+        &self,
+        gains: Gains,
+        columns: &[&[f64]; N],
+        over: Range<usize>,
+        states: &mut [Vec<f64>; N],
+        whitened: &mut [Vec<f64>; N],
+    ) {
+        let length = over.len();
+        let (first, further) = match gains {
+            Gains::One(gain) => (gain, 0),
+            Gains::From(first) => (first, 1),
+        };
+        let mut placed = states.each_ref().map(|state| self.placed(state));
+        let mut innovations: [C::Of<[f64; B]>; N] = std::array::from_fn(|_| self.zero_values());
+        let mut white = self.zero_values();
+        let mut moved = vec![0.0; self.transition.beside.len()];
+        for (at, row) in over.enumerate() {
+            let gain = &self.gains[first + at * further];
+            let ties = [&self.minus_seen, &gain.driven];
+            for n in 0..N {
+                values(columns[n], columns[n].len() / self.channels, row, innovations[n].as_mut());
+                step::<G, C, B>(&self.transition, ties, &mut placed[n], &mut innovations[n], &mut moved);
+            }
+            for n in 0..N {
+                gain.whitened(&innovations[n], &mut white);
+                for (c, value) in white.as_ref().as_flattened().iter().enumerate().take(self.channels) {
+                    if let Some(slot) = whitened[n].get_mut(c * length + at) {
+                        *slot = *value;
+                    }
+                }
+            }
+            if row % FLUSH_ROWS == 0 {
+                for placed in &mut placed {
+                    placed.as_mut().iter_mut().for_each(|group| flush(group.as_mut_array()));
+                }
+            }
+        }
+        for (placed, state) in placed.iter().zip(states) {
+            self.places.back(placed.as_ref(), state);
+        }
+    }
+}
+
 /// Values of all channels in a row of a column that has so many; 0 of channels that there are not.
 #[inline(always)]
 fn values<const B: usize>(column: &[f64], rows: usize, row: usize, values: &mut [[f64; B]]) {
@@ -423,35 +474,23 @@ impl<G: Size, C: Size, const B: usize> LaidOut for Runs<G, C, B> {
     fn whiten(
         &self,
         gains: Gains,
-        column: &[f64],
+        columns: &[&[f64]],
         over: Range<usize>,
-        state: &mut [f64],
-        whitened: &mut [f64],
+        states: &mut [Vec<f64>],
+        whitened: &mut [Vec<f64>],
     ) {
-        let (rows, length) = (column.len() / self.channels, over.len());
-        let (first, further) = match gains {
-            Gains::One(gain) => (gain, 0),
-            Gains::From(first) => (first, 1),
-        };
-        let mut placed = self.placed(state);
-        let [mut innovations, mut white] = [0, 1].map(|_| self.zero_values());
-        let mut moved = vec![0.0; self.transition.beside.len()];
-        for (at, row) in over.enumerate() {
-            let gain = &self.gains[first + at * further];
-            values(column, rows, row, innovations.as_mut());
-            let ties = [&self.minus_seen, &gain.driven];
-            step::<G, C, B>(&self.transition, ties, &mut placed, &mut innovations, &mut moved);
-            gain.whitened(&innovations, &mut white);
-            for (c, value) in white.as_ref().as_flattened().iter().enumerate() {
-                if let Some(slot) = whitened.get_mut(c * length + at) {
-                    *slot = *value;
-                }
-            }
-            if row % FLUSH_ROWS == 0 {
-                placed.as_mut().iter_mut().for_each(|group| flush(group.as_mut_array()));
-            }
+        let together = columns.len() / SIDE_BY_SIDE * SIDE_BY_SIDE;
+        let (columns, alone) = columns.split_at(together);
+        let (states, of_alone) = states.split_at_mut(together);
+        let (whitened, whitened_alone) = whitened.split_at_mut(together);
+        let groups = states.as_chunks_mut().0.iter_mut().zip(whitened.as_chunks_mut().0);
+        for (columns, (states, whitened)) in columns.as_chunks().0.iter().zip(groups) {
+            self.run::<SIDE_BY_SIDE>(gains, columns, over.clone(), states, whitened);
         }
-        self.places.back(placed.as_ref(), state);
+        let each = of_alone.as_chunks_mut().0.iter_mut().zip(whitened_alone.as_chunks_mut().0);
+        for (columns, (states, whitened)) in alone.as_chunks().0.iter().zip(each) {
+            self.run::<1>(gains, columns, over.clone(), states, whitened);
+        }
     }
 
     fn backwards(&self, gain: usize, whitened: &[f64], over: Range<usize>, costate: &mut [f64]) {
@@ -518,13 +557,13 @@ mod tests {
                 let runs = lay_out(&filter, &views);
                 let column = drawn(m * rows, 1.0);
                 let expected = written_out(&space, &gains, &index, &column);
-                let mut state = vec![0.0; n];
+                let mut state = [vec![0.0; n]];
                 for (gains, over) in
                     [(Gains::One(0), 0..90), (Gains::From(0), 90..92), (Gains::One(1), 92..rows)]
                 {
-                    let mut whitened = vec![0.0; m * over.len()];
-                    runs.whiten(gains, &column, over.clone(), &mut state, &mut whitened);
-                    for (c, whitened) in whitened.chunks(over.len()).enumerate() {
+                    let mut whitened = [vec![0.0; m * over.len()]];
+                    runs.whiten(gains, &[&column], over.clone(), &mut state, &mut whitened);
+                    for (c, whitened) in whitened[0].chunks(over.len()).enumerate() {
                         assert_same(whitened, &expected[c * rows..][over.clone()]);
                     }
                 }

@@ -507,19 +507,18 @@ impl Bench<'_> {
         let candidate = &self.case.candidates[promise.candidate];
         let term_at = |point: &[f64]| Term::new(promise.candidate, candidate, point, self.case.time_s);
         let gain_at = |point: &[f64]| self.gain_of(&term_at(point)).0;
-        let mut best: Option<(Vec<f64>, f64)> = None;
-        for start in &promise.starts {
-            let (point, gain) = match refined.zip(self.ranges(candidate, start)) {
-                Some((refined, ranges)) => refine_inside(start, &ranges, gain_at, refined),
-                None => (start.clone(), gain_at(start)),
-            };
-            if best.as_ref().is_none_or(|best| gain > best.1) {
-                best = Some((point, gain));
-            }
-        }
-        let (point, gain) = best?;
-        let (_, freedom) = self.gain_of(&term_at(&point));
-        Some(Refined { point, gain, freedom })
+        let at = |start: &Vec<f64>| {
+            let ranges = refined.zip(self.ranges(candidate, start));
+            ranges.map_or_else(
+                || start.clone(),
+                |(refined, ranges)| refine_inside(start, &ranges, gain_at, refined).0,
+            )
+        };
+        let refined = promise.starts.iter().map(at).map(|point| {
+            let (gain, freedom) = self.gain_of(&term_at(&point));
+            Refined { point, gain, freedom }
+        });
+        refined.reduce(|best, other| if other.gain > best.gain { other } else { best })
     }
 
     /// Where a candidate's parameters are refined around `start`; `None` where it has none that are.

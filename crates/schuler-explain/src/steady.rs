@@ -209,7 +209,7 @@ impl Steady {
     /// Sums of data (first) and regressors.
     pub fn sums(&self, columns: &[&[f64]]) -> Sums {
         let whitened = match &self.many {
-            Some(many) => columns.iter().map(|column| self.whiten(many.as_ref(), column)).collect(),
+            Some(many) => self.whiten(many.as_ref(), columns),
             None => self.filter.whiten(columns),
         };
         let mut sums = Sums::of_whitened(&self.filter, &whitened);
@@ -236,17 +236,19 @@ impl Steady {
         sums
     }
 
-    fn whiten(&self, many: &dyn LaidOut, column: &[f64]) -> Vec<f64> {
-        let mut whitened = vec![0.0; column.len()];
-        let mut state = vec![0.0; self.filter.states()];
-        let mut run = vec![0.0; self.filter.channels() * RUN_ROWS];
+    fn whiten(&self, many: &dyn LaidOut, columns: &[&[f64]]) -> Vec<Vec<f64>> {
+        let mut whitened: Vec<Vec<f64>> = columns.iter().map(|column| vec![0.0; column.len()]).collect();
+        let mut states = vec![vec![0.0; self.filter.states()]; columns.len()];
+        let mut run = vec![vec![0.0; self.filter.channels() * RUN_ROWS]; columns.len()];
         let mut end = 0;
         for Stretch { rows: of_stretch, level, .. } in &self.stretches {
-            self.filter.coast(of_stretch.start - end, &mut state);
+            for state in &mut states {
+                self.filter.coast(of_stretch.start - end, state);
+            }
             end = of_stretch.end;
             for first in of_stretch.clone().step_by(RUN_ROWS) {
                 let rows = (Gains::One(*level), first..(first + RUN_ROWS).min(end));
-                whiten_rows(many, rows, column, &mut state, &mut run, &mut whitened);
+                whiten_rows(many, rows, columns, &mut states, &mut run, &mut whitened);
             }
         }
         whitened

@@ -482,14 +482,17 @@ fn run_parts<T: Rounded, const L: usize>(filter: &Filter, columns: &[&[f64]], wh
     }
     let n = filter.states;
     let mut states = vec![[0.0; L]; n];
-    let mut state = vec![0.0; n];
-    let mut run = vec![0.0; filter.channels * RUN_ROWS];
+    let mut own = vec![vec![0.0; n]; columns.len()];
+    let mut run = vec![vec![0.0; filter.channels * RUN_ROWS]; columns.len()];
     let Parts { rows: parts, runs, .. } = filter.parts();
     for (over, gains) in parts {
         let Some((gains, runs)) = gains.zip(runs.as_ref()) else {
             run_many(filter, columns, over.clone(), &mut states, whitened);
             continue;
         };
+        for (lane, own) in own.iter_mut().enumerate() {
+            own.iter_mut().zip(&states).for_each(|(own, states)| *own = states[lane]);
+        }
         // All columns through the same gains, while these are at hand.
         for first in over.clone().step_by(RUN_ROWS) {
             let gains = match gains {
@@ -497,11 +500,10 @@ fn run_parts<T: Rounded, const L: usize>(filter: &Filter, columns: &[&[f64]], wh
                 one @ Gains::One(_) => one,
             };
             let over = first..(first + RUN_ROWS).min(over.end);
-            for (lane, (column, whitened)) in columns.iter().zip(whitened.iter_mut()).enumerate() {
-                state.iter_mut().zip(&states).for_each(|(state, states)| *state = states[lane]);
-                whiten_rows(runs.as_ref(), (gains, over.clone()), column, &mut state, &mut run, whitened);
-                states.iter_mut().zip(&state).for_each(|(states, state)| states[lane] = *state);
-            }
+            whiten_rows(runs.as_ref(), (gains, over), columns, &mut own, &mut run, whitened);
+        }
+        for (lane, own) in own.iter().enumerate() {
+            states.iter_mut().zip(own).for_each(|(states, own)| states[lane] = *own);
         }
     }
 }
