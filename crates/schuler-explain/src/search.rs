@@ -316,20 +316,24 @@ fn promises_of_scans(bench: &Bench<'_>, wanted: &(dyn Fn(usize) -> bool + Sync))
             else {
                 return Vec::new();
             };
-            let scanner = Scanner::new(
-                &model.blocks[index],
-                filter,
-                &whitened.remainder,
-                whitened.columns.get(1..).unwrap_or_default(),
-            );
+            let scanner = OnceLock::new();
+            // Most of what is asked for concerns a few blocks.
+            let scanner = || {
+                scanner.get_or_init(|| {
+                    let regressors = whitened.columns.get(1..).unwrap_or_default();
+                    Scanner::new(&model.blocks[index], filter, &whitened.remainder, regressors)
+                })
+            };
             let of = |(place, candidate): (usize, &Candidate)| {
                 let Target::Sensor(sensor) = candidate.target else { return Vec::new() };
                 if !model.blocks[index].sensors.contains(&sensor) || !wanted(place) {
                     return Vec::new();
                 }
                 let scan = match candidate.search {
-                    Search::Onset(shape) => scanner.onsets(sensor, candidate.port, shape, bench.case.time_s),
-                    Search::Frequency => scanner.frequencies(sensor, candidate.port, &bench.noises),
+                    Search::Onset(shape) => {
+                        scanner().onsets(sensor, candidate.port, shape, bench.case.time_s)
+                    }
+                    Search::Frequency => scanner().frequencies(sensor, candidate.port, &bench.noises),
                     _ => None,
                 };
                 let Some(Scan { peaks, mut ln_places }) = scan else { return Vec::new() };
