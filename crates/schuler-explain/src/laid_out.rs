@@ -407,9 +407,7 @@ impl<G: Size, C: Size, const B: usize> Runs<G, C, B> {
         self.places.to(state, placed.as_mut());
         placed
     }
-}
 
-impl<G: Size, C: Size, const B: usize> Runs<G, C, B> {
     /// `N` columns side by side.
     #[inline]
     fn run<const N: usize>(
@@ -420,7 +418,7 @@ impl<G: Size, C: Size, const B: usize> Runs<G, C, B> {
         states: &mut [Vec<f64>; N],
         whitened: &mut [Vec<f64>; N],
     ) {
-        let length = over.len();
+        let (rows, length) = (columns.map(|column| column.len() / self.channels), over.len());
         let (first, further) = match gains {
             Gains::One(gain) => (gain, 0),
             Gains::From(first) => (first, 1),
@@ -433,7 +431,7 @@ impl<G: Size, C: Size, const B: usize> Runs<G, C, B> {
             let gain = &self.gains[first + at * further];
             let ties = [&self.minus_seen, &gain.driven];
             for n in 0..N {
-                values(columns[n], columns[n].len() / self.channels, row, innovations[n].as_mut());
+                values(columns[n], rows[n], row, innovations[n].as_mut());
                 step::<G, C, B>(&self.transition, ties, &mut placed[n], &mut innovations[n], &mut moved);
             }
             for n in 0..N {

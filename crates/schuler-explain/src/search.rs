@@ -34,7 +34,7 @@ const LONGEST_LIST: usize = 40;
 const CLOSE: f64 = 8.0;
 /// Evidence below which a candidate is not evaluated exactly.
 const LEAST_EVIDENCE: f64 = 1.0;
-/// Evidence below which its parameters are left where the grid or the scan has them: refining added 2.4 nats at most to 11 000 promises of
+/// Evidence below which its parameters are left where the grid or the scan has them: refining added 2.4 nats at most to 10 000 promises of
 /// less, a tenth of a nat to nine of ten, and nothing is told by less than some nine.
 const WORTH_REFINING: f64 = 5.0;
 /// Evidence that each of a pair must show beside the other.
