@@ -7,9 +7,10 @@
 //! | forwards | values y | y − H x | Φ x + D e | W e |
 //! | backwards | whitened innovations w | Wᵀw + Dᵀx | Φᵀx − Hᵀe | |
 //!
-//! the same step but for its matrices, in which Φ x does not wait for e. Rows wait for each other, columns do not: a few run side by side. States stand in groups, whose numbers are computed side by side, the
-//! two of an oscillation in the same place of neighbours; channels stand in blocks, whose sums stay in registers. Usual sizes are known to
-//! the compiler, which does not find the groups by itself: they are vectors of `wide`.
+//! the same step but for its matrices, in which Φ x does not wait for e. Rows wait for each other, columns do not: forwards a few run side by
+//! side. States stand in groups, whose numbers are computed side by side, the two of an oscillation in the same place of neighbours; channels
+//! stand in blocks, whose sums stay in registers. Usual sizes are known to the compiler, which does not find the groups by itself: they are
+//! vectors of `wide`.
 use std::ops::Range;
 
 use wide::f64x2;

@@ -523,6 +523,7 @@ fn forward<'c>(
         let (mut next, _) = refitted(case, &next, None);
         let moved = changed_blocks(case.model, &state, &next);
         let touched = |candidate: usize| touches(case, candidate, &moved);
+        // What promised little by itself was taken where the grid has it, and others move what is beside them.
         if refine_terms(case, &mut next, &touched) {
             next = refitted(case, &next, None).0;
         }
