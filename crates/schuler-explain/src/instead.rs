@@ -13,7 +13,7 @@ use crate::description::Term;
 use crate::library::{FURTHEST_ALIKE, Library, Purpose};
 use crate::nominal::Model;
 use crate::price::Price;
-use crate::search::{Family, Proposal, deterministic, library, promising_pairs, promising_terms};
+use crate::search::{Family, Proposal, deterministic, library, of_library, promising_pairs, promising_terms};
 use crate::select::{
     Found, Item, Start, add_term, blocks_with, identity, is_slow, several_sources, shown, speaks, without_all,
 };
@@ -293,7 +293,7 @@ impl Others<'_, '_> {
         let constant = Term::new(constant, &case.candidates[constant], &[], case.time_s);
         let terms = [less.0.terms.as_slice(), std::slice::from_ref(&constant)].concat();
         let bench = Bench::new(case, &terms, &less.0.noises);
-        let beside = deterministic(&bench, &library(&bench, &wanted), family, &wanted);
+        let beside = of_library(&bench, &library(&bench, &wanted), family);
         let exact = |proposal: Proposal| {
             let (worth, start) =
                 self.with(&less, &[constant.clone(), proposal.term], FURTHEST_FROM_REFERENCE)?;

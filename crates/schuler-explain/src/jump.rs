@@ -271,6 +271,7 @@ impl Decoder<'_> {
             return None;
         }
         let (rows, m) = (self.filter.rows(), self.channels);
+        let weights: Vec<f64> = self.weights.iter().map(|weight| weight * amplitude.abs()).collect();
         let base = if self.centred { telegraph.part_on() } else { 0.0 };
         // ln P(off now), ln P(on now), where it was off before and on.
         let turned = [[(-on).ln_1p(), on.ln()], [off.ln(), (-off).ln_1p()]];
@@ -332,10 +333,15 @@ impl Decoder<'_> {
                 self.filter.propagate(&measured, next_states.of_mut(beam.len()));
                 let own = next_states.of(beam.len());
                 let alike = |(place, kept): &(usize, &mut History)| {
-                    let differences = next_states.of(*place).iter().zip(own).zip(&self.weights);
-                    kept.on == history.on
-                        && differences.map(|((a, b), w)| ((a - b) * w).abs()).sum::<f64>() * amplitude.abs()
-                            < SAME
+                    kept.on == history.on && {
+                        let differences = next_states.of(*place).iter().zip(own).zip(&weights);
+                        // Most are far apart by the first of their states.
+                        let mut apart = 0.0;
+                        differences.into_iter().all(|((a, b), w)| {
+                            apart += ((a - b) * w).abs();
+                            apart < SAME
+                        })
+                    }
                 };
                 if let Some((_, kept)) = beam.iter_mut().enumerate().find(alike) {
                     kept.weight += (history.weight - kept.weight).exp().ln_1p();

@@ -161,6 +161,15 @@ pub fn deterministic(
     proposals
 }
 
+/// The same of those that stand in the library: of no scan for a time or a frequency, of no threshold and no jumps.
+pub fn of_library(bench: &Bench<'_>, library: &Library, family: &Family) -> Vec<Proposal> {
+    let mut promises = promises_of_library(bench.case.candidates, library, family);
+    promises.retain(|promise| promise.evidence > LEAST_EVIDENCE);
+    let mut proposals = Vec::new();
+    evaluate(bench, &mut promises, &mut proposals);
+    proposals
+}
+
 /// What deterministic candidates promise; `wanted` says which take part.
 pub fn promises(
     bench: &Bench<'_>,

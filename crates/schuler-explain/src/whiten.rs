@@ -408,19 +408,8 @@ fn run_few<T: Rounded, const L: usize, const N: usize>(
         row = rows.end;
         let index = stretch[0];
         if index != MISSING && N <= FEW_STATES && stretch.len() >= SETTLED_ROWS {
-            // x ← (Φ − Φ K H) x + Φ K y: a row waits for the one before in a single product and sum.
             let gain = gain_of(index);
-            let driven: [f64; N] = transition
-                .apply(&std::array::from_fn(|i| [if i < n { gain[i] } else { 0.0 }]))
-                .map(|[value]| value);
-            let mut closed: Square<N> =
-                std::array::from_fn(|i| std::array::from_fn(|j| -driven[i] * seen[j]));
-            for i in 0..N {
-                closed[i][i] += transition.diagonal[i];
-            }
-            for &(i, j, weight) in &transition.beside {
-                closed[i][j] += weight;
-            }
+            let Closed { of_state, of_input } = Closed::new(&transition, &seen, &gain[..n]);
             for row in rows {
                 let input: [f64; L] = std::array::from_fn(|lane| inputs[lane][row]);
                 let mut innovation = input;
@@ -428,13 +417,13 @@ fn run_few<T: Rounded, const L: usize, const N: usize>(
                 for i in 0..N {
                     for lane in 0..L {
                         innovation[lane] -= seen[i] * state[i][lane];
-                        next[i][lane] = driven[i] * input[lane];
+                        next[i][lane] = of_input[i] * input[lane];
                     }
                 }
                 for i in 0..N {
                     for j in 0..N {
                         for lane in 0..L {
-                            next[i][lane] += closed[i][j] * state[j][lane];
+                            next[i][lane] += of_state[i][j] * state[j][lane];
                         }
                     }
                 }
@@ -587,23 +576,50 @@ fn backwards_few<const N: usize>(
     let transition = Transition::<N>::new(&filter.transition);
     let seen: [f64; N] = std::array::from_fn(|i| filter.seen.get(i).copied().unwrap_or_default());
     let mut state: [f64; N] = std::array::from_fn(|i| costate.get(i).copied().unwrap_or_default());
-    for row in over.rev() {
-        state = transition.turn(&state);
-        let index = filter.index[row];
-        if index != MISSING {
-            let gain = &filter.gains[index as usize * (n + 1)..][..=n];
-            let mut terms = [0.0; N];
-            for ((term, gain), state) in terms.iter_mut().zip(&gain[..n]).zip(&state) {
-                *term = gain * state;
+    let gain_of = |index: u32| &filter.gains[index as usize * (n + 1)..][..=n];
+    let mut end = over.end;
+    for stretch in
+        filter.index[over].chunk_by(|a, b| a == b).flat_map(|stretch| stretch.chunks(FLUSH_ROWS)).rev()
+    {
+        let rows = end - stretch.len()..end;
+        end = rows.start;
+        let index = stretch[0];
+        if index != MISSING && N <= FEW_STATES && stretch.len() >= SETTLED_ROWS {
+            let gain = gain_of(index);
+            let Closed { of_state, of_input } = Closed::new(&transition, &seen, &gain[..n]);
+            for row in rows.rev() {
+                let own = gain[n] * whitened[row];
+                let mut before: [f64; N] = std::array::from_fn(|i| -seen[i] * own);
+                let mut terms = [0.0; N];
+                for i in 0..N {
+                    terms[i] = of_input[i] * state[i];
+                    for j in 0..N {
+                        before[j] += of_state[i][j] * state[i];
+                    }
+                }
+                visit(row, &[own + sum(terms)]);
+                state = before;
             }
-            let innovation = gain[n] * whitened[row] + sum(terms);
-            visit(row, &[innovation]);
-            for i in 0..N {
-                state[i] -= seen[i] * innovation;
-            }
-        }
-        if row % FLUSH_ROWS == 0 {
             flush(&mut state);
+            continue;
+        }
+        for row in rows.rev() {
+            state = transition.turn(&state);
+            if index != MISSING {
+                let gain = gain_of(index);
+                let mut terms = [0.0; N];
+                for ((term, gain), state) in terms.iter_mut().zip(&gain[..n]).zip(&state) {
+                    *term = gain * state;
+                }
+                let innovation = gain[n] * whitened[row] + sum(terms);
+                visit(row, &[innovation]);
+                for i in 0..N {
+                    state[i] -= seen[i] * innovation;
+                }
+            }
+            if row % FLUSH_ROWS == 0 {
+                flush(&mut state);
+            }
         }
     }
     costate.iter_mut().zip(state).for_each(|(costate, state)| *costate = state);
@@ -688,6 +704,29 @@ impl<const N: usize> Transition<N> {
             next[j] += weight * state[i];
         }
         next
+    }
+}
+
+/// A step with a gain, x ← (Φ − Φ K H) x + Φ K y, in which a row waits for the one before in a single product and sum.
+struct Closed<const N: usize> {
+    /// Φ − Φ K H.
+    of_state: Square<N>,
+    /// Φ K.
+    of_input: [f64; N],
+}
+
+impl<const N: usize> Closed<N> {
+    fn new(transition: &Transition<N>, seen: &[f64; N], gain: &[f64]) -> Self {
+        let gain = std::array::from_fn(|i| [gain.get(i).copied().unwrap_or_default()]);
+        let of_input = transition.apply(&gain).map(|[value]| value);
+        let mut of_state = of_input.map(|driven| seen.map(|seen| -driven * seen));
+        for (i, row) in of_state.iter_mut().enumerate() {
+            row[i] += transition.diagonal[i];
+        }
+        for &(i, j, weight) in &transition.beside {
+            of_state[i][j] += weight;
+        }
+        Self { of_state, of_input }
     }
 }
 
