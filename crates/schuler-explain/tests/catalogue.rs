@@ -1059,6 +1059,30 @@ fn a_late_velocity_keeps_what_sways_within_a_few_steps() {
     assert!(off < 0.05 * 0.02, "{off}");
 }
 
+/// Of two instruments that are each other's reference the one comes early where the other comes late; beside a known motion an instrument
+/// comes early where the reference is late.
+#[test]
+fn instruments_that_check_each_other_come_late_and_never_early() {
+    let of = |scene: Scene| scene.sensor("d", SensorKind::Doppler, Unit::MetrePerSecond, [1.0, 0.0, 0.0]);
+    let mut scene = of(Scene::new(MotionKind::Unknown, 401, 1.0));
+    scene = scene.sensor("ins", SensorKind::InsVelocity, Unit::MetrePerSecond, [1.0, 0.0, 0.0]);
+    for series in &mut scene.0.sensors {
+        series.values = (0..401).map(|row| (0.05 * f64::from(row)).sin()).collect();
+    }
+    let still: fn(f64) -> f64 = |_| 0.0;
+    let mut known = of(Scene::new(MotionKind::Recorded, 401, 1.0));
+    known.0.motion.attitude_rad = Some(known.columns([still, still, still]));
+    known.0.motion.velocity_ned = Some(known.columns([|t| (0.05 * t).sin(), still, still]));
+    for (scene, sensors, comes_early) in [(scene, 2, false), (known, 1, true)] {
+        let inputs = Inputs::new(&scene.0);
+        for sensor in 0..sensors {
+            let found = at(&inputs, "time_delay", sensor, &[]);
+            let Search::Grid { parameters, .. } = &found[0].search else { panic!("no grid") };
+            assert_eq!(parameters[0].grid.iter().any(|delay| *delay < 0.0), comes_early, "{sensor}");
+        }
+    }
+}
+
 #[test]
 fn a_schuler_loop_has_accelerometer_gyro_and_velocity() {
     let mut scene = Scene::new(MotionKind::VelocityError, 7201, 1.0)

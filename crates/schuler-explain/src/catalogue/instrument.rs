@@ -44,8 +44,9 @@ pub(super) const TIME_DELAY: Effect = Effect {
             let most = MOST_DELAY_S[usize::from(place.dimension() == Dimension::Velocity)];
             let most = most.max(inputs.recording.step_s);
             let late = searched(inputs, place, most.min(longest_s));
-            // The reference can be the late one; an accelerometer in a loop has none.
-            if place.port == Port::Output {
+            // The reference can be the late one; an accelerometer in a loop has none, and where sensors are each other's reference that is a
+            // delay of another.
+            if place.port == Port::Output && !inputs.motion.estimated {
                 late.iter().rev().map(|delay| -delay).chain(late.iter().copied()).collect()
             } else {
                 late
