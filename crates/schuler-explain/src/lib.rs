@@ -47,6 +47,7 @@ pub mod budget;
 pub mod calibration;
 pub mod catalogue;
 pub mod common_motion;
+pub mod constancy;
 mod course;
 pub mod deploy;
 pub mod description;

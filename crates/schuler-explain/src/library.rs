@@ -25,7 +25,7 @@ use crate::catalogue::{Candidate, Column, OnsetShape, Port, Search, Signature};
 use crate::description::{Delays, Term, columns, sensors_of};
 use crate::inputs::series::Series;
 use crate::least_squares::{dot, solve, solve_seen};
-use crate::nominal::{Block, Model, are_numbers};
+use crate::nominal::{Block, Model};
 use crate::price::{continuous, ln_number_of_mean, ln_places_at};
 use crate::state::{Bench, Described, Whitened};
 use crate::statistics::ln_chi_squared_tail;
@@ -807,15 +807,10 @@ impl<'b> Builder<'b> {
                     products.sketches = Some(Arc::new(sketches));
                 }
                 let port = candidates[entry.candidate].port;
-                let columns: Vec<(&Column, Option<Cow<'_, [f64]>>)> = (products.columns.iter())
-                    .map(|&place| &signature.columns[place])
-                    .map(|column| (column, self.channels_of_no_numbers(column, port)))
-                    .collect();
+                let columns: Vec<&Column> =
+                    products.columns.iter().map(|&place| &signature.columns[place]).collect();
                 for (number, place) in self.described.iter().enumerate() {
-                    let with = |(column, channels): &(&Column, Option<Cow<'_, [f64]>>)| match channels {
-                        Some(channels) => dot(channels, self.adjoint(number)),
-                        None => self.at_sensors_with(number, column, port),
-                    };
+                    let with = |column: &&Column| self.product(number, column, port);
                     products.with.entry(*place).or_insert_with(|| columns.iter().map(with).collect());
                 }
                 products
@@ -833,21 +828,18 @@ impl<'b> Builder<'b> {
     }
 
     /// The product of a column with the data, which come first, or with a regressor: by what these are at the sensors, so that the channels need
-    /// not be made of it.
-    fn at_sensors_with(&self, number: usize, column: &Column, port: Port) -> f64 {
-        let product = |(sensor, values): &(usize, Series)| {
-            self.at_sensor(number, *sensor, port).map_or(0.0, |scores| dot(values, scores))
+    /// not be made of it. Where it is no number in some row of a sensor, which counts as 0 in the channels, the sum is none.
+    fn product(&self, number: usize, column: &Column, port: Port) -> f64 {
+        let of_part = |(sensor, values): &(usize, Series)| match self.at_sensor(number, *sensor, port) {
+            Some(scores) if values.len() == scores.len() => dot(values, scores),
+            Some(_) => f64::NAN,
+            None => 0.0,
         };
-        column.parts.iter().map(product).sum()
-    }
-
-    /// What a column adds to the channels where it is no number in some row of a sensor, which counts as 0 in the channels.
-    fn channels_of_no_numbers<'c>(&self, column: &'c Column, port: Port) -> Option<Cow<'c, [f64]>> {
-        let rows = self.block.rows();
-        let reaches = |(sensor, _): &&(usize, Series)| self.block.sensors.contains(sensor);
-        let is_whole = |(_, values): &(usize, Series)| values.len() == rows && are_numbers(values);
-        let are_whole = column.parts.iter().filter(reaches).all(is_whole);
-        (!are_whole).then(|| self.block.project(column, port).unwrap_or_default())
+        let product: f64 = column.parts.iter().map(of_part).sum();
+        if product.is_finite() {
+            return product;
+        }
+        self.block.project(column, port).map_or(0.0, |channels| dot(&channels, self.adjoint(number)))
     }
 
     /// R⁻¹ of the data or of a regressor, by the readings of a sensor at a port; `None` where they do not reach the channels.

@@ -2,18 +2,21 @@
 //!
 //! Tests on innovations, which are independent standard normals under the description: NIS in windows against χ²,
 //! Ljung–Box, the largest cumulative sum (Kolmogorov's distribution), the spectrum in bands against χ², and the mean
-//! under each recorded condition in ten bins. All p-values are multiplied by the number of tests.
+//! under each recorded condition in ten bins; and in the end whether each noise that was found is the same at all times
+//! ([`crate::constancy`]). All p-values are multiplied by the number of tests.
 use std::sync::Arc;
 
 use rayon::prelude::*;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::catalogue::{Column, Port};
+use crate::constancy::constancy;
 use crate::description::Term;
 use crate::explanation::{Located, Remainder};
 use crate::inputs::Inputs;
+use crate::noise::Knob;
 use crate::nominal::Block;
-use crate::state::{Bench, Case, State};
+use crate::state::{Accepted, Bench, Case, State};
 use crate::statistics::{chi_squared_tail, ljung_box};
 
 /// p-value, corrected, below which a difference is reported.
@@ -65,7 +68,10 @@ pub fn locate(case: &Case<'_>, state: &State, inputs: &Inputs<'_>) -> Vec<Locate
 /// Whether the record still differs from a description, and in what.
 pub fn left(case: &Case<'_>, state: &State, inputs: &Inputs<'_>) -> (bool, Option<Remainder>) {
     let bench = Bench::new(case, &state.terms, &state.noises);
-    let (mut results, tests) = results(&bench, inputs);
+    let (mut results, mut tests) = results(&bench, inputs);
+    let noises = results_of_noises(&bench, state);
+    tests += noises.len() as f64;
+    results.extend(noises);
     results.retain(|result| result.p * tests < LEFT);
     results.sort_by(|a, b| a.p.total_cmp(&b.p));
     let Some(worst) = results.first() else { return (false, None) };
@@ -208,6 +214,22 @@ fn results_of_block(bench: &Bench<'_>, index: usize, conditions: &[Binned]) -> O
         }
     }
     Some((results, tests))
+}
+
+/// Whether each noise that was found is the same at all times.
+fn results_of_noises(bench: &Bench<'_>, state: &State) -> Vec<Result> {
+    let model = bench.case.model;
+    // One that changes at a time is not.
+    let is_of_all_times = |change: &&Accepted| !change.knobs.contains(&Knob::StepRatio);
+    let result = |change: &Accepted| {
+        let p = constancy(bench, change)?;
+        let block = model.blocks.iter().position(|block| block.sources.contains(&change.source))?;
+        let id = bench.case.candidates[change.candidate].effect.id;
+        let what = format!("{id} of {} is not the same at all times", model.sources[change.source].name);
+        let test = "noise_constancy";
+        Some(Result { block, test, what, p, interval_s: None, band_hz: None, condition: None })
+    };
+    state.changes.par_iter().filter(is_of_all_times).filter_map(result).collect()
 }
 
 /// A frequency as people say it: a slow one by its period.

@@ -100,7 +100,7 @@ fn exact_with_amplitudes(block: &Block, noises: &[Noise], projected: &Projected)
 }
 
 /// What the regressors leave of the data, as data without regressors.
-fn left_by(projected: &Projected, amplitudes: &DVector<f64>) -> Projected {
+pub fn left_by(projected: &Projected, amplitudes: &DVector<f64>) -> Projected {
     let mut data = projected.data.clone();
     take_off(&mut data, &projected.columns, amplitudes.iter().copied());
     Projected { data, places: Vec::new(), columns: Vec::new() }

@@ -65,7 +65,7 @@ const PARALLEL: f64 = 1e-6;
 const RUN_ROWS: usize = 256;
 
 /// Whether all values are numbers; without a way out in each run of rows, which is most of the time otherwise.
-pub fn are_numbers(values: &[f64]) -> bool {
+fn are_numbers(values: &[f64]) -> bool {
     values.chunks(RUN_ROWS).all(|run| run.iter().fold(true, |all, value| all & value.is_finite()))
 }
 

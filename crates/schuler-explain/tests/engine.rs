@@ -540,6 +540,39 @@ fn flicker_is_told_from_a_markov_part_and_what_that_leaves() {
     assert!(TRIALS as usize - right <= most(TRIALS as usize, 0.05), "{right}");
 }
 
+/// An oscillation whose frequency moves is in no catalogue, and some noise describes it best: the answer says that it is not all. One that
+/// is the same at all times is.
+#[test]
+fn noise_that_is_not_the_same_at_all_times_is_not_all() {
+    const TRIALS: u64 = 12;
+    let answered = |values: Vec<f64>| {
+        explain(&recording(vec![values]), &Options { hold_out: false, ..Options::default() }).unwrap()
+    };
+    let moves = |&seed: &u64| {
+        let chirp = |row: usize| {
+            let part = row as f64 / ROWS as f64;
+            0.8 * (std::f64::consts::TAU * (20.0 + 40.0 * part) * part).cos()
+        };
+        let values = noise(140_000 + seed, ROWS).into_iter().enumerate();
+        let answer = answered(values.map(|(row, value)| value + chirp(row)).collect());
+        let left = answer.remainder.map_or(String::new(), |remainder| remainder.what);
+        answer.verdict == Verdict::PartlyExplained && left.contains("is not the same at all times")
+    };
+    let stays = |&seed: &u64| {
+        let mut random = Pcg64::seed_from_u64(141_000 + seed);
+        let more = oscillating(&mut random, ROWS, 0.01, 0.15);
+        let values = noise(142_000 + seed, ROWS).into_iter().zip(more);
+        let answer = answered(values.map(|(value, more)| value + 0.7 * more).collect());
+        answer.verdict == Verdict::Explained
+    };
+    let [moving, staying] = [
+        (0..TRIALS).into_par_iter().filter(moves).count(),
+        (0..TRIALS).into_par_iter().filter(stays).count(),
+    ];
+    println!("told apart: {moving} that move and {staying} that stay of {TRIALS} each");
+    assert!(moving + 1 >= TRIALS as usize && staying + 1 >= TRIALS as usize);
+}
+
 /// A random walk under white noise that is smaller than nominal, in short records: steps, drifts and lines are as good a description of
 /// any one walk, and each gains more than it costs.
 #[test]
