@@ -4,60 +4,68 @@
 //! the likelihood its derivatives by the parameters, row by row, sum to nothing; their cumulative sums wander as a Brownian bridge where the
 //! parameters are the same all along, and far where they are not. `[Nyblom, J. Am. Stat. Assoc. 84, 1989, 223; Hansen, J. Policy Modeling 14,
 //! 1992, 517]`
+//!
+//! The bridge's time is what was told of the parameters so far, as rows tell more of them where the white level is low.
 use nalgebra::{DMatrix, DVector};
 
-use crate::noise_fit::{SourceKnob, left_by, logs_of, with_logs};
+use crate::noise_fit::{STEP, SourceKnob, left_by, logs_of, with_logs};
 use crate::state::{Accepted, Bench};
 use crate::statistics::chi_squared_tail;
 use crate::whiten::Filter;
 
-/// Step of the derivatives, in logarithms.
-const STEP: f64 = 0.05;
-/// Rows with which nothing is said.
-const FEW_ROWS: usize = 100;
+/// Fewest rows of which something is said.
+const FEWEST_ROWS: usize = 100;
 
-/// p-value of a change of noise being the same at all times; `None` where nothing can be said.
-pub fn constancy(bench: &Bench<'_>, change: &Accepted) -> Option<f64> {
-    let model = bench.case.model;
-    let index = model.blocks.iter().position(|block| block.sources.contains(&change.source))?;
-    let (block, whitened) = (&model.blocks[index], bench.blocks[index].as_ref()?);
+/// p-value of a change of the noise of a source of a block being the same at all times; `None` where nothing can be said.
+pub fn constancy(bench: &Bench<'_>, block: usize, change: &Accepted) -> Option<f64> {
+    let (block, whitened) = (&bench.case.model.blocks[block], bench.blocks[block].as_ref()?);
     let knobs: Vec<SourceKnob> = change.knobs.iter().map(|&knob| (change.source, knob)).collect();
     let left = left_by(&whitened.projected, &whitened.sums.solution().amplitudes);
     let logs = logs_of(&bench.noises, &knobs);
     let rows: Vec<usize> = (0..block.rows()).filter(|&row| block.present[row]).collect();
-    if rows.len() < FEW_ROWS {
+    if rows.len() < FEWEST_ROWS {
         return None;
     }
-    // Half the square of the innovations of each row, with a parameter moved.
-    let squares = |place: usize, by: f64| -> Option<Vec<f64>> {
+    // The log-likelihood of each row, up to a constant, with a parameter moved.
+    let told = |place: usize, by: f64| -> Option<Vec<f64>> {
         let mut moved = logs.clone();
         moved[place] += by;
         let filter = Filter::new(&block.space(&with_logs(&bench.noises, &knobs, &moved)), &block.present)?;
         let innovations = filter.whiten(&[&left.data]).swap_remove(0);
-        let square = |row: usize| -> f64 {
-            innovations.chunks_exact(block.rows()).map(|channel| 0.5 * channel[row].powi(2)).sum()
+        let of_row = |&row: &usize| -> Option<f64> {
+            let (_, whitening) = filter.gain_and_whitening(row)?;
+            let levels = (0..block.channels).map(|c| whitening[c * block.channels + c].ln()).sum::<f64>();
+            let squares = innovations.chunks_exact(block.rows()).map(|channel| channel[row].powi(2));
+            Some(levels - 0.5 * squares.sum::<f64>())
         };
-        Some(rows.iter().map(|&row| square(row)).collect())
+        rows.iter().map(of_row).collect()
     };
     let slope = |place: usize| -> Option<Vec<f64>> {
-        let (up, down) = (squares(place, STEP)?, squares(place, -STEP)?);
-        Some(up.iter().zip(&down).map(|(up, down)| (down - up) / (2.0 * STEP)).collect())
+        let (up, down) = (told(place, STEP)?, told(place, -STEP)?);
+        Some(up.iter().zip(&down).map(|(up, down)| (up - down) / (2.0 * STEP)).collect())
     };
     p_of_slopes(&(0..knobs.len()).map(slope).collect::<Option<Vec<_>>>()?)
 }
 
-/// p-value of derivatives by each of some parameters, row by row, with the same mean all along.
+/// p-value of derivatives by each of some parameters, row by row, having the same mean all along.
 fn p_of_slopes(slopes: &[Vec<f64>]) -> Option<f64> {
     let (size, rows) = (slopes.len(), slopes.first()?.len());
-    let means: Vec<f64> = slopes.iter().map(|slopes| slopes.iter().sum::<f64>() / rows as f64).collect();
-    let at = |row: usize| DVector::from_fn(size, |i, _| slopes[i][row] - means[i]);
-    let variance = (0..rows).fold(DMatrix::zeros(size, size), |sum, row| sum + at(row) * at(row).transpose());
-    let inverse = variance.cholesky()?.inverse();
-    let mut sum = DVector::zeros(size);
+    let at = |row: usize| DVector::from_fn(size, |i, _| slopes[i][row]);
+    let mut total = DVector::zeros(size);
+    let mut information = DMatrix::zeros(size, size);
+    for own in (0..rows).map(at) {
+        information += &own * own.transpose();
+        total += own;
+    }
+    let inverse = information.cholesky()?.inverse();
+    let (mut time, mut sum) = (0.0, DVector::zeros(size));
     let mut statistic = 0.0;
-    for row in 0..rows {
-        sum += at(row);
-        statistic += sum.dot(&(&inverse * &sum)) / rows as f64;
+    for own in (0..rows).map(at) {
+        let step = own.dot(&(&inverse * &own)) / size as f64;
+        time += step;
+        sum += own;
+        let bridge = &sum - &total * time;
+        statistic += step * bridge.dot(&(&inverse * &bridge));
     }
     // The limit is Σ χ²(size) / (πk)², its tail that of the first times Π (1 − 1/k²)^(−size/2), from the second on.
     let tail = chi_squared_tail(std::f64::consts::PI.powi(2) * statistic, size);
@@ -72,15 +80,20 @@ mod tests {
 
     use super::p_of_slopes;
 
-    /// Quantiles that Hansen (1992, table 1) and the Cramér–von Mises statistic have, by draws.
+    /// One parameter and three, of which all rows tell as much or those of the first half ten times as much.
     #[test]
     fn p_values_are_uniform_where_nothing_moves() {
         let mut random = Pcg64::seed_from_u64(5);
-        for size in [1, 3] {
+        for (size, louder) in [(1, 1.0), (3, 1.0), (1, 10.0), (3, 10.0)] {
             let mut below = [0; 2];
             for _ in 0..2000 {
-                let mut drawn =
-                    || -> Vec<f64> { (0..200).map(|_| StandardNormal.sample(&mut random)).collect() };
+                let mut drawn = || -> Vec<f64> {
+                    let value = |row: usize| {
+                        let normal: f64 = StandardNormal.sample(&mut random);
+                        normal * if row < 200 { louder } else { 1.0 }
+                    };
+                    (0..400).map(value).collect()
+                };
                 let slopes: Vec<Vec<f64>> = (0..size).map(|_| drawn()).collect();
                 let p = p_of_slopes(&slopes).unwrap();
                 below[0] += usize::from(p < 0.05);
@@ -94,9 +107,10 @@ mod tests {
     #[test]
     fn what_changes_sign_half_way_is_seen() {
         let mut random = Pcg64::seed_from_u64(6);
-        let slopes: Vec<f64> = (0..2000)
-            .map(|row| if row < 1000 { 0.3 } else { -0.3 } + { let n: f64 = StandardNormal.sample(&mut random); n })
-            .collect();
-        assert!(p_of_slopes(&[slopes]).unwrap() < 1e-6);
+        let slope = |row: usize| {
+            let noise: f64 = StandardNormal.sample(&mut random);
+            noise + if row < 1000 { 0.3 } else { -0.3 }
+        };
+        assert!(p_of_slopes(&[(0..2000).map(slope).collect()]).unwrap() < 1e-6);
     }
 }

@@ -325,8 +325,7 @@ fn prefer_instrument(case: &Case<'_>, found: &mut [Alternative]) {
 
 /// Of a radio sensor and an inertial velocity that are only compared with each other, what one does is what the other does with the
 /// opposite sign. The radio sensor leads in what an integral does not do: come late, jump, be out of scale with the speed or turned from
-/// it. That their gains differ comes from the motion, which is estimated from both. But nothing comes before it happens: where the radio sensor
-/// would have to be early, the inertial system is late.
+/// it. That their gains differ comes from the motion, which is estimated from both.
 fn prefer_radio(case: &Case<'_>, found: &mut [Alternative]) {
     let Some(best) = found.first() else { return };
     let first = &case.candidates[best.candidate];
@@ -345,15 +344,11 @@ fn prefer_radio(case: &Case<'_>, found: &mut [Alternative]) {
             place.is_some_and(|place| block.alike(place).len() > 1)
         })
     });
-    let is_early = |other: &Alternative| {
-        let late_s = other.term.as_ref().and_then(|term| term.nonlinear.first());
-        case.candidates[other.candidate].effect.id == TIME_DELAY && late_s.is_some_and(|&late_s| late_s < 0.0)
-    };
     let Some(inertial_first) = integrates(first) else { return };
     if !compared || !OF_RADIO.contains(&first.effect.id) {
         return;
     }
-    if !inertial_first && !is_early(best) {
+    if !inertial_first {
         // It leads as well where it shows no more than what was selected.
         found[0].simpler = true;
         return;
@@ -365,7 +360,6 @@ fn prefer_radio(case: &Case<'_>, found: &mut [Alternative]) {
             && is_group(candidate) == is_group(first)
             && candidate.amplitudes.len() == first.amplitudes.len()
             && integrates(candidate) == Some(!inertial_first)
-            && !is_early(other)
             && match other.fit {
                 // Whose noise it is the readings tell beside their difference, if anything does.
                 Some(_) => other.gain > best.gain - CLASS_NATS,

@@ -334,10 +334,10 @@ impl Decoder<'_> {
                 let own = next_states.of(beam.len());
                 let alike = |(place, kept): &(usize, &mut History)| {
                     kept.on == history.on && {
-                        let differences = next_states.of(*place).iter().zip(own).zip(&weights);
                         // Most are far apart by the first of their states.
                         let mut apart = 0.0;
-                        differences.into_iter().all(|((a, b), w)| {
+                        let mut differences = next_states.of(*place).iter().zip(own).zip(&weights);
+                        differences.all(|((a, b), w)| {
                             apart += ((a - b) * w).abs();
                             apart < SAME
                         })

@@ -113,7 +113,7 @@ fn block_name(case: &Case<'_>, block: usize) -> String {
     names.collect::<Vec<_>>().join(", ")
 }
 
-/// Results of all tests, and their number.
+/// Results of all tests on innovations, and their number.
 fn results(bench: &Bench<'_>, inputs: &Inputs<'_>) -> (Vec<Result>, f64) {
     let conditions: Vec<Binned> = inputs
         .conditions()
@@ -222,8 +222,8 @@ fn results_of_noises(bench: &Bench<'_>, state: &State) -> Vec<Result> {
     // One that changes at a time is not.
     let is_of_all_times = |change: &&Accepted| !change.knobs.contains(&Knob::StepRatio);
     let result = |change: &Accepted| {
-        let p = constancy(bench, change)?;
         let block = model.blocks.iter().position(|block| block.sources.contains(&change.source))?;
+        let p = constancy(bench, block, change)?;
         let id = bench.case.candidates[change.candidate].effect.id;
         let what = format!("{id} of {} is not the same at all times", model.sources[change.source].name);
         let test = "noise_constancy";

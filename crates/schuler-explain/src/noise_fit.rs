@@ -18,7 +18,7 @@ const SPREAD: f64 = 0.01;
 /// Iterations of the simplex for each parameter.
 const ITERATIONS: u64 = 80;
 /// Step of the derivatives, in logarithms.
-const STEP: f64 = 0.05;
+pub const STEP: f64 = 0.05;
 /// Newton steps on the exact likelihood.
 const NEWTON: usize = 8;
 /// Gain that the next Newton step must promise.

@@ -1250,6 +1250,45 @@ mod tests {
         assert_eq!(scores[20], 0.0);
     }
 
+    /// Adjoint of one channel and few states, most rows with a gain that has settled.
+    #[test]
+    fn the_adjoint_of_a_settled_gain_is_that_of_the_dense_covariance() {
+        const ROWS: usize = 400;
+        let mut random = Pcg64::seed_from_u64(8);
+        let present: Vec<bool> = (0..ROWS).map(|row| !(150..160).contains(&row) && row != 300).collect();
+        let of_present = |column: &[f64]| {
+            let values = column.iter().zip(&present).filter(|(_, present)| **present);
+            DVector::from_vec(values.map(|(value, _)| *value).collect::<Vec<f64>>())
+        };
+        for states in 1..=4 {
+            let mut space = Space {
+                states,
+                channels: 1,
+                transition: vec![0.0; states * states],
+                driven: vec![0.0; states * states],
+                start: vec![0.0; states * states],
+                seen: vec![1.0; states],
+                white: vec![0.5],
+                other_white: None,
+            };
+            for i in 0..states {
+                let kept = 0.8 - 0.1 * i as f64;
+                space.transition[i * (states + 1)] = kept;
+                space.driven[i * (states + 1)] = 1.0 - kept * kept;
+                space.start[i * (states + 1)] = 1.0;
+            }
+            if states > 1 {
+                (space.transition[1], space.transition[states]) = (0.2, -0.2);
+            }
+            let filter = Filter::new(&space, &present).unwrap();
+            assert!(filter.gains.len() < ROWS / 2 * (states + 1), "most rows have the same gain");
+            let data: Vec<f64> = (0..ROWS).map(|_| random.random::<f64>() - 0.5).collect();
+            let found = filter.adjoint(&filter.whiten(&[&data]).swap_remove(0));
+            let expected = dense(&space, &present).cholesky().unwrap().solve(&of_present(&data));
+            assert!((of_present(&found) - expected).amax() < 1e-9, "{states}");
+        }
+    }
+
     /// A gain that no longer changes is kept once, and whitens as those that are computed row after row.
     #[test]
     fn a_settled_gain_changes_nothing() {

@@ -565,12 +565,22 @@ fn noise_that_is_not_the_same_at_all_times_is_not_all() {
         let answer = answered(values.map(|(value, more)| value + 0.7 * more).collect());
         answer.verdict == Verdict::Explained
     };
-    let [moving, staying] = [
-        (0..TRIALS).into_par_iter().filter(moves).count(),
-        (0..TRIALS).into_par_iter().filter(stays).count(),
-    ];
-    println!("told apart: {moving} that move and {staying} that stay of {TRIALS} each");
-    assert!(moving + 1 >= TRIALS as usize && staying + 1 >= TRIALS as usize);
+    // Markov noise that is not stated, beside a white level that is four times as large from half way on.
+    let stays_beside_a_step = |&seed: &u64| {
+        let mut random = Pcg64::seed_from_u64(143_000 + seed);
+        let more = markov(&mut random, ROWS, 0.8, 4.0);
+        let values =
+            noise(144_000 + seed, ROWS).into_iter().zip(more).enumerate().map(|(row, (value, more))| {
+                let white: f64 = StandardNormal.sample(&mut random);
+                value + more + if row < ROWS / 2 { 0.0 } else { 2.0 * white }
+            });
+        let answer = answered(values.collect());
+        answer.verdict == Verdict::Explained && answer.findings.len() > 1
+    };
+    let count = |told: &(dyn Fn(&u64) -> bool + Sync)| (0..TRIALS).into_par_iter().filter(told).count();
+    let told = [count(&moves), count(&stays), count(&stays_beside_a_step)];
+    println!("told of {TRIALS} that move, that stay, and that stay beside a step: {told:?}");
+    assert!(told.iter().all(|told| told + 1 >= TRIALS as usize));
 }
 
 /// A random walk under white noise that is smaller than nominal, in short records: steps, drifts and lines are as good a description of
