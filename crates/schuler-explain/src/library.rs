@@ -828,8 +828,7 @@ impl<'b> Builder<'b> {
     }
 
     /// The product of a column with the data, which come first, or with a regressor: by what these are at the sensors, so that the channels need
-    /// not be made of it. Where a row of it is no number, neither is the
-    /// sum: then the channels are made, in which such a row counts as 0.
+    /// not be made of it. Where a row of it is no number, neither is the sum: then the channels are made, in which such a row counts as 0.
     fn product(&self, number: usize, column: &Column, port: Port) -> f64 {
         let of_part = |(sensor, values): &(usize, Series)| match self.at_sensor(number, *sensor, port) {
             Some(scores) if values.len() == scores.len() => dot(values, scores),

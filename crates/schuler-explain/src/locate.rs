@@ -222,7 +222,7 @@ fn results_of_noises(bench: &Bench<'_>, state: &State) -> Vec<Result> {
     // One that changes at a time is not.
     let is_of_all_times = |change: &&Accepted| !change.knobs.contains(&Knob::StepRatio);
     let result = |change: &Accepted| {
-        let block = model.blocks.iter().position(|block| block.sources.contains(&change.source))?;
+        let block = model.block_of_source(change.source)?;
         let p = constancy(bench, block, change)?;
         let id = bench.case.candidates[change.candidate].effect.id;
         let what = format!("{id} of {} is not the same at all times", model.sources[change.source].name);

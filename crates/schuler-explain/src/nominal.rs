@@ -226,6 +226,11 @@ impl Model {
         self.blocks.iter().position(|block| block.sensors.contains(&sensor))
     }
 
+    /// The block in whose channels a source is, the first if there are several.
+    pub fn block_of_source(&self, source: usize) -> Option<usize> {
+        self.blocks.iter().position(|block| block.sources.contains(&source))
+    }
+
     /// The source of a sensor at a port.
     pub fn source_of(&self, sensor: usize, port: Port) -> Option<usize> {
         self.sources.iter().position(|source| source.sensor == sensor && source.port == port)

@@ -326,8 +326,7 @@ pub fn of_change(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter>
     let change = &state.changes[place];
     let source = &case.model.sources[change.source];
     let candidate = &case.candidates[change.candidate];
-    let Some(index) = case.model.blocks.iter().position(|block| block.sources.contains(&change.source))
-    else {
+    let Some(index) = case.model.block_of_source(change.source) else {
         return Vec::new();
     };
     let free = state.free_in(case.model, index);

@@ -569,7 +569,7 @@ impl Bench<'_> {
                     return None;
                 };
                 let (change, source) = (*change, model.source_of(*sensor, of.port)?);
-                let block = model.blocks.iter().position(|block| block.sources.contains(&source))?;
+                let block = model.block_of_source(source)?;
                 let accepted = state.changes.iter().any(|a| a.source == source && a.change == change);
                 // The noise of a source of which the user says nothing is no finding.
                 if model.sources[source].unknown || accepted || !blocks.contains(&block) || !wanted(candidate)
@@ -615,7 +615,7 @@ impl Bench<'_> {
 
     /// The best fit of one change of the noise of a source.
     pub fn fit_change(&self, source: usize, change: NoiseChange) -> Option<ChangeFit> {
-        let block = self.case.model.blocks.iter().position(|block| block.sources.contains(&source))?;
+        let block = self.case.model.block_of_source(source)?;
         let starts = self.promised_change(block, source, change)?;
         self.fitted_change(block, source, change, &starts)
     }

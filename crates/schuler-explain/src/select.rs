@@ -578,7 +578,7 @@ fn swallowed(case: &Case<'_>, state: &State, bench: &Bench<'_>, family: &Family)
     let mut blocks: Vec<usize> = Vec::new();
     for change in state.changes.iter().filter(|change| change.knobs.iter().any(|&knob| is_slow(knob))) {
         noises[change.source] = case.model.sources[change.source].nominal.clone();
-        blocks.extend(case.model.blocks.iter().position(|block| block.sources.contains(&change.source)));
+        blocks.extend(case.model.block_of_source(change.source));
     }
     blocks.sort_unstable();
     blocks.dedup();
