@@ -234,7 +234,7 @@ pub struct Remainder {
     pub sensor: String,
     /// Description: band, dependence, shape.
     pub what: String,
-    /// The recorded quantity on which a smooth term was fitted.
+    /// The recorded quantities on which a smooth term was fitted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub on: Option<String>,
     /// Gain of that term, nats.

@@ -8,14 +8,15 @@
 use rayon::prelude::*;
 
 use crate::budget::{Budget, of_round};
-use crate::catalogue::{NoiseChange, Target};
+use crate::catalogue::NoiseChange;
 use crate::description::Term;
 use crate::library::{FURTHEST_ALIKE, Library, Purpose};
 use crate::nominal::Model;
 use crate::price::Price;
 use crate::search::{Family, Proposal, deterministic, library, of_library, promising_pairs, promising_terms};
 use crate::select::{
-    Found, Item, Start, add_term, blocks_with, identity, is_slow, several_sources, shown, speaks, without_all,
+    Found, Item, Start, add_term, blocks_with, identity, is_at, is_of_slow_noise, several_sources, shown,
+    speaks, without_all,
 };
 use crate::state::{Accepted, Bench, Case, State, refitted};
 
@@ -91,13 +92,7 @@ pub fn may_be_noise(case: &Case<'_>, with_noise: &State, of_terms: &State, place
 
 /// Whether a candidate is about an output, or the input, that one of some sources is.
 fn is_of(case: &Case<'_>, candidate: usize, sources: &[usize]) -> bool {
-    let candidate = &case.candidates[candidate];
-    let mut origins = sources.iter().map(|&source| &case.model.sources[source]);
-    origins.any(|origin| candidate.target == Target::Sensor(origin.sensor) && candidate.port == origin.port)
-}
-
-fn is_of_slow_noise(change: &Accepted) -> bool {
-    change.knobs.iter().any(|&knob| is_slow(knob))
+    sources.iter().any(|&source| is_at(case, candidate, source))
 }
 
 /// Log-likelihood of the residuals alone, which is what libraries know of.

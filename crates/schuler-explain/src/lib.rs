@@ -78,6 +78,7 @@ pub mod scan;
 pub mod search;
 pub mod select;
 pub mod sentence;
+pub mod smooth;
 pub mod spectrum;
 pub mod state;
 pub mod statistics;

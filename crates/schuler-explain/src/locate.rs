@@ -4,18 +4,15 @@
 //! Ljung–Box, the largest cumulative sum (Kolmogorov's distribution), the spectrum in bands against χ², and the mean
 //! under each recorded condition in ten bins; and in the end whether each noise that was found is the same at all times
 //! ([`crate::constancy`]). All p-values are multiplied by the number of tests.
-use std::sync::Arc;
-
 use rayon::prelude::*;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use crate::catalogue::{Column, Port};
 use crate::constancy::constancy;
-use crate::description::Term;
 use crate::explanation::{Located, Remainder};
 use crate::inputs::Inputs;
 use crate::noise::Knob;
 use crate::nominal::Block;
+use crate::smooth::{self, Dependence};
 use crate::state::{Accepted, Bench, Case, State};
 use crate::statistics::{chi_squared_tail, ljung_box};
 
@@ -31,8 +28,6 @@ const FEWEST_ROWS: usize = 30;
 const LAGS: usize = 20;
 /// Bins of a condition.
 const BINS: usize = 10;
-/// Knots of the smooth term.
-const KNOTS: usize = 6;
 
 /// A test's result before correction.
 struct Result {
@@ -42,7 +37,6 @@ struct Result {
     p: f64,
     interval_s: Option<[f64; 2]>,
     band_hz: Option<[f64; 2]>,
-    condition: Option<usize>,
 }
 
 /// Differences between the record and a description, most significant first.
@@ -65,8 +59,23 @@ pub fn locate(case: &Case<'_>, state: &State, inputs: &Inputs<'_>) -> Vec<Locate
     located
 }
 
-/// Whether the record still differs from a description, and in what.
-pub fn left(case: &Case<'_>, state: &State, inputs: &Inputs<'_>) -> (bool, Option<Remainder>) {
+/// Whether the record still differs from a description, and in what: in a dependence that no effect of the catalogue has, of those that
+/// were found, or in what tests show.
+pub fn left(
+    case: &Case<'_>,
+    state: &State,
+    inputs: &Inputs<'_>,
+    dependences: &[Dependence],
+) -> (bool, Option<Remainder>) {
+    if let Some(found) = dependences.iter().max_by(|a, b| a.gain_nats.total_cmp(&b.gain_nats)) {
+        let remainder = Remainder {
+            sensor: case.model.sources[found.source].name.clone(),
+            what: format!("the mean depends on {}, as no effect of the catalogue does", found.on),
+            on: Some(found.on.clone()),
+            gain_nats: found.gain_nats,
+        };
+        return (true, Some(remainder));
+    }
     let bench = Bench::new(case, &state.terms, &state.noises);
     let (mut results, mut tests) = results(&bench, inputs);
     let noises = results_of_noises(&bench, state);
@@ -82,28 +91,14 @@ pub fn left(case: &Case<'_>, state: &State, inputs: &Inputs<'_>) -> (bool, Optio
         .take(3)
         .map(|result| result.what.as_str())
         .collect();
-    let mut remainder =
-        Remainder { sensor: block_name(case, block), what: words.join("; "), on: None, gain_nats: 0.0 };
-    let conditions = inputs.conditions();
-    let on = results.iter().find(|result| result.block == block && result.condition.is_some());
-    if let Some(condition) = on.and_then(|result| result.condition).and_then(|index| conditions.get(index)) {
-        let sensor = case.model.blocks[block].sensors[0];
-        let term = Term {
-            candidate: usize::MAX,
-            nonlinear: Vec::new(),
-            columns: Arc::new(
-                spline(condition.values).into_iter().map(|values| Column::on(sensor, values)).collect(),
-            ),
-            port: Port::Output,
-            unit_amplitude: false,
-            of_the_motion: false,
-            delay_s: None,
-        };
-        if !term.columns.is_empty() {
-            remainder.gain_nats = bench.gain_of(&term).0;
-            remainder.on = Some(condition.name.clone());
-        }
-    }
+    let on = smooth::strongest(&bench, inputs, &case.model.blocks[block].sources)
+        .filter(|dependence| dependence.evidence > -LEFT.ln());
+    let remainder = Remainder {
+        sensor: block_name(case, block),
+        what: words.join("; "),
+        gain_nats: on.as_ref().map_or(0.0, |on| on.gain_nats),
+        on: on.map(|on| on.on),
+    };
     (true, Some(remainder))
 }
 
@@ -118,10 +113,7 @@ fn results(bench: &Bench<'_>, inputs: &Inputs<'_>) -> (Vec<Result>, f64) {
     let conditions: Vec<Binned> = inputs
         .conditions()
         .into_par_iter()
-        .enumerate()
-        .filter_map(|(place, condition)| {
-            Some(Binned { place, name: condition.name, bins: bins(condition.values)? })
-        })
+        .filter_map(|condition| Some(Binned { name: condition.name, bins: bins(condition.values)? }))
         .collect();
     let of_blocks: Vec<(Vec<Result>, f64)> = (0..bench.blocks.len())
         .into_par_iter()
@@ -141,8 +133,8 @@ fn results_of_block(bench: &Bench<'_>, index: usize, conditions: &[Binned]) -> O
     let block = &case.model.blocks[index];
     let (rows, channels) = (block.rows(), block.channels);
     let e = &whitened.remainder;
-    let mut push = |test, what, p: f64, number: f64, interval_s, band_hz, condition| {
-        results.push(Result { block: index, test, what, p: p * number, interval_s, band_hz, condition });
+    let mut push = |test, what, p: f64, number: f64, interval_s, band_hz| {
+        results.push(Result { block: index, test, what, p: p * number, interval_s, band_hz });
     };
     // NIS in windows.
     let length = (rows / WINDOWS).max(FEWEST_ROWS);
@@ -167,7 +159,7 @@ fn results_of_block(bench: &Bench<'_>, index: usize, conditions: &[Binned]) -> O
     if let Some((p, first, mean)) = worst {
         let what = format!("the mean of the normalised innovation squared is {mean:.2} instead of 1");
         let interval = [at(first), at((first + length).min(rows) - 1)];
-        push("nis_window", what, p, windows, Some(interval), None, None);
+        push("nis_window", what, p, windows, Some(interval), None);
         tests += 1.0;
     }
     for channel in 0..channels {
@@ -175,10 +167,10 @@ fn results_of_block(bench: &Bench<'_>, index: usize, conditions: &[Binned]) -> O
             .map(|row| if block.present[row] { e[channel * rows + row] } else { f64::NAN })
             .collect();
         let p = ljung_box(&series, LAGS);
-        push("ljung_box", "innovations are correlated in time".to_owned(), p, 1.0, None, None, None);
+        push("ljung_box", "innovations are correlated in time".to_owned(), p, 1.0, None, None);
         let (p, row) = largest_sum(&series);
         let what = format!("the mean changes near {:.0} s", at(row));
-        push("cumulative_sum", what, p, 1.0, Some([at(row), at(rows - 1)]), None, None);
+        push("cumulative_sum", what, p, 1.0, Some([at(row), at(rows - 1)]), None);
         tests += 2.0;
     }
     if let Some(spectrum) = bench.spectrum(index) {
@@ -196,7 +188,7 @@ fn results_of_block(bench: &Bench<'_>, index: usize, conditions: &[Binned]) -> O
             let hertz = omega / (std::f64::consts::TAU * block.step_s());
             let near = frequency_text(hertz);
             let what = format!("the spectrum near {near} is {excess:.2} times what it should be");
-            push("spectrum", what, p, bands, None, Some([0.98 * hertz, 1.02 * hertz]), None);
+            push("spectrum", what, p, bands, None, Some([0.98 * hertz, 1.02 * hertz]));
             tests += 1.0;
         }
     }
@@ -209,7 +201,7 @@ fn results_of_block(bench: &Bench<'_>, index: usize, conditions: &[Binned]) -> O
                 "the mean depends on {} (from {low:.2} σ to {high:.2} σ of its error)",
                 condition.name
             );
-            push("conditional_mean", what, p, 1.0, None, None, Some(condition.place));
+            push("conditional_mean", what, p, 1.0, None, None);
             tests += 1.0;
         }
     }
@@ -227,7 +219,7 @@ fn results_of_noises(bench: &Bench<'_>, state: &State) -> Vec<Result> {
         let id = bench.case.candidates[change.candidate].effect.id;
         let what = format!("{id} of {} is not the same at all times", model.sources[change.source].name);
         let test = "noise_constancy";
-        Some(Result { block, test, what, p, interval_s: None, band_hz: None, condition: None })
+        Some(Result { block, test, what, p, interval_s: None, band_hz: None })
     };
     state.changes.par_iter().filter(is_of_all_times).filter_map(result).collect()
 }
@@ -275,8 +267,6 @@ fn largest_sum(series: &[f64]) -> (f64, usize) {
 
 /// A condition in bins of equal number.
 struct Binned {
-    /// Its place among the conditions.
-    place: usize,
     name: String,
     /// The bin of each row; `None` where there is no value.
     bins: Vec<Option<u8>>,
@@ -327,39 +317,6 @@ fn conditional(block: &Block, e: &[f64], bins: &[Option<u8>]) -> Option<(f64, f6
     let low = standard.iter().copied().fold(f64::INFINITY, f64::min);
     let high = standard.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     Some((chi_squared_tail(statistic, standard.len()), low, high))
-}
-
-/// A natural cubic spline's columns (linear, then one for each inner knot), knots at equal numbers of values.
-/// `[Hastie, Tibshirani & Friedman, The Elements of Statistical Learning, eq. 5.4–5.5]`
-fn spline(values: &[f64]) -> Vec<Vec<f64>> {
-    let mut sorted: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
-    sorted.sort_by(f64::total_cmp);
-    let mut knots: Vec<f64> = (0..KNOTS)
-        .filter_map(|knot| sorted.get(knot * sorted.len().saturating_sub(1) / (KNOTS - 1)).copied())
-        .collect();
-    knots.dedup();
-    let (Some(&first), Some(&last)) = (knots.first(), knots.last()) else { return Vec::new() };
-    if knots.len() < 3 {
-        return Vec::new();
-    }
-    let span = last - first;
-    let knots: Vec<f64> = knots.iter().map(|knot| (knot - first) / span).collect();
-    let number = knots.len();
-    let cube = |value: f64| value.max(0.0).powi(3);
-    let basis = |x: f64| {
-        let d =
-            |k: usize| (cube(x - knots[k]) - cube(x - knots[number - 1])) / (knots[number - 1] - knots[k]);
-        let mut row = vec![x];
-        row.extend((0..number - 2).map(|k| d(k) - d(number - 2)));
-        row
-    };
-    let mut columns = vec![Vec::with_capacity(values.len()); number - 1];
-    for value in values {
-        for (column, part) in columns.iter_mut().zip(basis((value - first) / span)) {
-            column.push(part);
-        }
-    }
-    columns
 }
 
 #[cfg(test)]

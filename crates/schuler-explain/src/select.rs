@@ -274,6 +274,36 @@ pub fn judged_again<'c>(case: &'c Case<'c>, selection: Selection<'_>, level: f64
     Selection { state, bench, family, shown, prices, pairs, null, exceeded }
 }
 
+impl<'c> Selection<'c> {
+    /// Log-likelihood less what the items cost.
+    pub fn worth(&self) -> f64 {
+        self.state.log_likelihood - self.shown.iter().map(|(_, shown)| shown.cost()).sum::<f64>()
+    }
+
+    /// The description without some items and what is not significant then, and what it is worth.
+    pub fn without(&self, case: &'c Case<'c>, items: &[Item], ln_level: f64) -> (f64, Found<'c>) {
+        let (less, prices) = without_all(case, &self.state, &self.prices, items);
+        let (less, _) = refitted(case, &less, None);
+        let found = pruned(case, less, prices, &self.family, ln_level);
+        (worth(case, &found, &self.family), found)
+    }
+
+    /// Puts another description in the place of what was selected.
+    pub fn put(&mut self, case: &'c Case<'c>, (state, bench, prices): Found<'c>) {
+        self.shown = shown_up_to(case, &state, &prices, &self.family, f64::INFINITY);
+        (self.state, self.bench, self.prices) = (state, bench, prices);
+    }
+
+    /// What a source has of items that nothing recorded causes: shapes in time, and slow noise, which may take any.
+    pub fn uncaused(&self, case: &Case<'_>, source: usize) -> Vec<Item> {
+        let State { terms, changes, .. } = &self.state;
+        let terms = (0..terms.len()).filter(|&place| is_uncaused(case, &terms[place], source));
+        let is_noise = |change: &Accepted| change.source == source && is_of_slow_noise(change);
+        let noises = (0..changes.len()).filter(|&place| is_noise(&changes[place]));
+        terms.map(Item::Term).chain(noises.map(Item::Change)).collect()
+    }
+}
+
 /// A description without some of its items, everything else as it was, and the prices of what is left.
 pub fn without_all(case: &Case<'_>, state: &State, prices: &[Price], items: &[Item]) -> (State, Vec<Price>) {
     let (mut less, mut less_prices) = (state.clone(), prices.to_vec());
@@ -576,7 +606,7 @@ fn judge_beside_free_noise(case: &Case<'_>, state: &State, bench: &Bench<'_>, pr
 fn swallowed(case: &Case<'_>, state: &State, bench: &Bench<'_>, family: &Family) -> Vec<Proposal> {
     let mut noises = state.noises.clone();
     let mut blocks: Vec<usize> = Vec::new();
-    for change in state.changes.iter().filter(|change| change.knobs.iter().any(|&knob| is_slow(knob))) {
+    for change in state.changes.iter().filter(|change| is_of_slow_noise(change)) {
         noises[change.source] = case.model.sources[change.source].nominal.clone();
         blocks.extend(case.model.block_of_source(change.source));
     }
@@ -609,8 +639,13 @@ fn swallowed(case: &Case<'_>, state: &State, bench: &Bench<'_>, family: &Family)
 }
 
 /// Whether a noise parameter is of a part that remembers.
-pub fn is_slow(knob: Knob) -> bool {
+fn is_slow(knob: Knob) -> bool {
     !matches!(knob, Knob::White | Knob::Angle | Knob::StepRatio)
+}
+
+/// Whether a change of noise has such parameters.
+pub fn is_of_slow_noise(change: &Accepted) -> bool {
+    change.knobs.iter().any(|&knob| is_slow(knob))
 }
 
 /// Noise parts for sources of which the user says nothing: what Schwarz's criterion asks for, as nuisances.
@@ -1002,10 +1037,19 @@ fn as_noise_alone<'c>(
 
 /// Whether a term is a shape in time of a source that nothing recorded causes.
 fn is_uncaused(case: &Case<'_>, term: &Term, source: usize) -> bool {
-    let (origin, candidate) = (&case.model.sources[source], &case.candidates[term.candidate]);
-    candidate.target == Target::Sensor(origin.sensor)
-        && candidate.port == origin.port
-        && has_no_cause(candidate)
+    is_at(case, term.candidate, source) && has_no_cause(&case.candidates[term.candidate])
+}
+
+/// Whether a candidate is such a shape, or a change of the source's noise.
+pub fn is_uncaused_or_noise(case: &Case<'_>, candidate: usize, source: usize) -> bool {
+    let is_noise = matches!(case.candidates[candidate].search, Search::Noise(_));
+    is_at(case, candidate, source) && (is_noise || has_no_cause(&case.candidates[candidate]))
+}
+
+/// Whether a candidate is about the output, or the input, that a source is.
+pub fn is_at(case: &Case<'_>, candidate: usize, source: usize) -> bool {
+    let (origin, candidate) = (&case.model.sources[source], &case.candidates[candidate]);
+    candidate.target == Target::Sensor(origin.sensor) && candidate.port == origin.port
 }
 
 /// Whether a candidate is a shape in time that nothing recorded causes, as slow noise may take any.

@@ -233,6 +233,18 @@ fn answer(series: Vec<Vec<f64>>, hold_out: bool) -> Result<Explanation, Error> {
     explain_with(&inputs, candidates, &Options { hold_out, ..Options::default() })
 }
 
+/// Records a quantity beside the sensors.
+fn record(recording: &mut Recording, (column, quantity, unit): (&str, Quantity, &str), values: Vec<f64>) {
+    let auxiliary = Auxiliary {
+        column: column.to_owned(),
+        quantity,
+        unit: unit.to_owned(),
+        near: None,
+        position_m: None,
+    };
+    recording.auxiliaries.push(AuxiliarySeries { auxiliary, values, quality: Quality::default() });
+}
+
 fn with(mut values: Vec<f64>, add: impl Fn(f64) -> f64) -> Vec<f64> {
     values.iter_mut().enumerate().for_each(|(row, value)| *value += add(row as f64));
     values
@@ -580,6 +592,53 @@ fn noise_that_is_not_the_same_at_all_times_is_not_all() {
     let count = |told: &(dyn Fn(&u64) -> bool + Sync)| (0..TRIALS).into_par_iter().filter(told).count();
     let told = [count(&moves), count(&stays), count(&stays_beside_a_step)];
     println!("told of {TRIALS} that move, that stay, and that stay beside a step: {told:?}");
+    assert!(told.iter().all(|told| told + 1 >= TRIALS as usize));
+}
+
+/// A product of two recorded quantities, and a broad resonance on one, are in no catalogue and go as slow noise does: the answer says what they depend
+/// on. Slow noise beside the same quantities stays noise.
+#[test]
+fn what_depends_on_quantities_in_its_own_way_is_no_noise() {
+    const TRIALS: u64 = 12;
+    let answered = |seed: u64, more: &dyn Fn(&[f64; 2], f64) -> f64| {
+        let mut random = Pcg64::seed_from_u64(150_000 + seed);
+        let slow = markov(&mut random, ROWS, 0.8, 40.0);
+        let phases: [f64; 6] = std::array::from_fn(|_| StandardUniform.sample(&mut random));
+        let quantities: Vec<[f64; 2]> = (0..ROWS)
+            .map(|row| {
+                let turns = row as f64 / ROWS as f64;
+                let of = |place: usize, number: f64| {
+                    (std::f64::consts::TAU * (number * turns + phases[place])).sin() / number.sqrt()
+                };
+                [of(0, 1.3) + of(1, 3.7) + of(2, 8.1), of(3, 0.9) + of(4, 4.6) + of(5, 10.3)]
+            })
+            .collect();
+        let values = noise(151_000 + seed, ROWS).into_iter().zip(&quantities).zip(slow);
+        let mut recording =
+            recording(vec![values.map(|((value, of), slow)| value + more(of, slow)).collect()]);
+        for (place, column) in ["load", "humidity"].into_iter().enumerate() {
+            let values = quantities.iter().map(|of| 50.0 + 10.0 * of[place]).collect();
+            record(&mut recording, (column, Quantity::Other, "%"), values);
+        }
+        explain(&recording, &Options { hold_out: false, ..Options::default() }).unwrap()
+    };
+    let is_unexplained = |answer: Explanation, on: &str| {
+        let said = answer.remainder.and_then(|remainder| remainder.on);
+        let right = answer.verdict != Verdict::Explained && said.as_deref() == Some(on);
+        if !right {
+            println!("{on}: {said:?} {:?}", answer.findings.iter().map(|it| &it.effect).collect::<Vec<_>>());
+        }
+        right
+    };
+    let product = |&seed: &u64| is_unexplained(answered(seed, &|[a, b], _| 3.0 * a * b), "load and humidity");
+    let resonance = |&seed: &u64| {
+        let resonance = |[a, _]: &[f64; 2], _| 10.0 / (1.0 + ((a - 0.3) / 0.5).powi(2));
+        is_unexplained(answered(100 + seed, &resonance), "load")
+    };
+    let noise = |&seed: &u64| answered(200 + seed, &|_, slow| slow).verdict == Verdict::Explained;
+    let count = |told: &(dyn Fn(&u64) -> bool + Sync)| (0..TRIALS).into_par_iter().filter(told).count();
+    let told = [count(&product), count(&resonance), count(&noise)];
+    println!("told of {TRIALS} products, resonances and noises: {told:?}");
     assert!(told.iter().all(|told| told + 1 >= TRIALS as usize));
 }
 
@@ -1541,15 +1600,8 @@ fn a_dependence_whose_mean_is_nominal_is_no_slow_noise() {
     let mut recording = recording(vec![with(noise(8970, ROWS), error)]);
     recording.sensors[0].sensor.nominal.temperature_bias =
         Some(TemperatureBias { column: "t".to_owned(), reference_deg_c: 20.0, coefficients: vec![0.0] });
-    let auxiliary = Auxiliary {
-        column: "t".to_owned(),
-        quantity: Quantity::Temperature,
-        unit: "degC".to_owned(),
-        near: None,
-        position_m: None,
-    };
     let values = (0..ROWS).map(|row| 28.0 + wander(row as f64)).collect();
-    recording.auxiliaries.push(AuxiliarySeries { auxiliary, values, quality: Quality::default() });
+    record(&mut recording, ("t", Quantity::Temperature, "degC"), values);
     let answer = explain(&recording, &Options { hold_out: false, ..Options::default() }).unwrap();
     let mut found: Vec<&str> = answer.findings.iter().map(|finding| finding.effect.as_str()).collect();
     found.sort_unstable();

@@ -16,6 +16,16 @@ pub struct Explanation {
     /// The fit.
     #[serde(default)]
     pub fit: Fit,
+    /// What is left.
+    #[serde(default)]
+    pub remainder: Option<Remainder>,
+}
+
+/// What nothing that was found explains.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub struct Remainder {
+    /// Sensor.
+    pub sensor: String,
 }
 
 /// Verdict.
@@ -108,6 +118,12 @@ pub struct Quality {
 }
 
 impl Explanation {
+    /// The sensor of the first finding or, where there is none, of what is left.
+    pub fn located(&self) -> Option<&str> {
+        let first = self.findings.first().map(|finding| finding.sensor.as_str());
+        first.or(self.remainder.as_ref().map(|remainder| remainder.sensor.as_str()))
+    }
+
     /// Reads an answer.
     ///
     /// # Errors

@@ -39,6 +39,9 @@ pub struct CaseScore {
     pub failure: Option<String>,
     /// Verdict.
     pub verdict: Option<super::explanation::Verdict>,
+    /// The sensor of the first finding or, where there is none, of what is left.
+    #[serde(default)]
+    pub located: Option<String>,
     /// Every concealed effect.
     pub effects: Vec<EffectScore>,
     /// Findings that name nothing that was concealed.
@@ -169,6 +172,7 @@ pub fn score(
         sensors: about.sensors,
         time_s: about.time_s,
         verdict: explained.as_ref().ok().map(|it| it.verdict),
+        located: explained.as_ref().ok().and_then(|it| it.located()).map(str::to_owned),
         effects,
         false_findings,
         findings: findings.iter().map(pair).collect(),

@@ -146,9 +146,9 @@ pub fn summary(scores: &[CaseScore], bars: &Bars) -> Summary {
     let outside: Vec<&CaseScore> = scores.iter().filter(|s| s.family == Family::Outside).collect();
     let strong: Vec<&&CaseScore> =
         outside.iter().filter(|s| s.effects.iter().any(|e| e.gain_nats >= bars.gain_nats)).collect();
-    let located = strong.iter().filter(|s| {
-        s.findings.first().is_some_and(|[sensor, _]| s.effects.iter().any(|e| e.sensor == *sensor))
-    });
+    let located = strong
+        .iter()
+        .filter(|s| s.located.as_ref().is_some_and(|sensor| s.effects.iter().any(|e| e.sensor == *sensor)));
     let claimed = strong.iter().filter(|s| s.verdict == Some(super::explanation::Verdict::Explained));
     let share = |hits: usize, of: usize| Share::new(hits, of, bars.confidence);
     Summary {
