@@ -14,7 +14,7 @@ use schuler_explain::catalogue::{
 use schuler_explain::common_motion::CommonMotion;
 use schuler_explain::description::Term;
 use schuler_explain::explain::{Error, Options, explain, explain_with};
-use schuler_explain::explanation::{Explanation, Verdict};
+use schuler_explain::explanation::{Explanation, Finding, Verdict};
 use schuler_explain::inputs::Inputs;
 use schuler_explain::instead::{Others, places_of};
 use schuler_explain::jump::{jumps, shown_beside};
@@ -640,6 +640,50 @@ fn what_depends_on_quantities_in_its_own_way_is_no_noise() {
     let told = [count(&product), count(&resonance), count(&noise)];
     println!("told of {TRIALS} products, resonances and noises: {told:?}");
     assert!(told.iter().all(|told| told + 1 >= TRIALS as usize));
+}
+
+/// What a meter's noise adds to a quantity is no part of what acts: neither the coefficient nor the gain is less for it. Where the quantity itself
+/// flickers, that acts as well.
+#[test]
+fn the_noise_of_a_meter_attenuates_no_coefficient() {
+    const TRIALS: u64 = 24;
+    const COEFFICIENT: f64 = 6.0;
+    // Volts per row of a supply that wanders, and of what its meter or itself adds.
+    let deviation = |flickers: bool, seed: u64| -> Option<f64> {
+        let mut random = Pcg64::seed_from_u64(160_000 + seed);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+        let phases: [f64; 4] = std::array::from_fn(|_| normal());
+        let (mut read, mut acts) = (Vec::new(), Vec::new());
+        for row in 0..ROWS {
+            let turns = std::f64::consts::TAU * row as f64 / ROWS as f64;
+            let parts = [1.7, 3.9, 6.1, 11.3].iter().zip(phases);
+            let wander: f64 =
+                parts.map(|(number, phase)| (number * turns + phase).sin() / number.sqrt()).sum();
+            let noise = 0.1 * normal();
+            read.push((1e3 * (27.0 + wander + noise)).round() / 1e3);
+            acts.push(if flickers { wander + noise } else { wander });
+        }
+        let values = noise(161_000 + seed, ROWS).into_iter().zip(acts);
+        let mut recording = recording(vec![values.map(|(value, acts)| value + COEFFICIENT * acts).collect()]);
+        record(&mut recording, ("supply", Quantity::Voltage, "V"), read);
+        let answer = explain(&recording, &Options { hold_out: false, ..Options::default() }).unwrap();
+        let is_it = |finding: &&Finding| finding.effect == "bias_supply_voltage";
+        let found = answer.findings.iter().find(is_it)?;
+        let coefficient = found.parameters.iter().find(|parameter| parameter.name == "coefficient")?;
+        Some((coefficient.value? - COEFFICIENT) / coefficient.sigma?)
+    };
+    for flickers in [false, true] {
+        let deviations: Vec<Option<f64>> =
+            (0..TRIALS).into_par_iter().map(|seed| deviation(flickers, seed)).collect();
+        let found: Vec<f64> = deviations.into_iter().flatten().collect();
+        let mean = found.iter().sum::<f64>() / found.len() as f64;
+        println!(
+            "flickers {flickers}: found {} of {TRIALS}, mean deviation {mean:.2} σ: {found:.1?}",
+            found.len()
+        );
+        assert!(found.len() == TRIALS as usize && found.iter().all(|deviation| deviation.abs() < 4.0));
+        assert!(mean.abs() < 3.0 / (TRIALS as f64).sqrt());
+    }
 }
 
 /// A random walk under white noise that is smaller than nominal, in short records: steps, drifts and lines are as good a description of

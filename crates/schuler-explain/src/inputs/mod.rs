@@ -50,6 +50,8 @@ const OFF: f64 = 0.1;
 const AUXILIARY_STEPS: f64 = 3.0;
 /// Or if it changes more seldom than in this part of the rows: it was switched, and does not flicker.
 const SWITCHED: f64 = 0.01;
+/// Part of the squared changes of a quantity's readings from row to row that what is smooth in them has at most where the rest is noise.
+const NOISY: f64 = 0.9;
 /// Most pairs of thermometers that are tried as gradients at one place.
 const MOST_GRADIENTS: usize = 6;
 
@@ -96,6 +98,38 @@ pub struct AuxiliaryInput {
     pub values: Series,
     /// Whether it varies by more than its quantisation.
     pub varies: bool,
+    /// Whether the values are not its readings, but what changes smoothly in them.
+    pub smoothed: bool,
+}
+
+impl AuxiliaryInput {
+    /// The readings, and what changes smoothly in them where much of their changes from row to row is noise. Whether that is the quantity's
+    /// or its meter's, only what depends on it can tell; of the meter's the dependence would show attenuated.
+    fn of(series: &AuxiliarySeries, time_s: &Series) -> impl Iterator<Item = Self> + use<> {
+        let AuxiliarySeries { auxiliary, values: readings, .. } = series;
+        let one = |values: Series, varies: bool, smoothed: bool| Self {
+            column: auxiliary.column.clone(),
+            quantity: auxiliary.quantity,
+            unit: auxiliary.unit.clone(),
+            near: auxiliary.near.clone(),
+            values,
+            varies,
+            smoothed,
+        };
+        let values = bridged(time_s, readings);
+        let varies = |values: &Series| series::varies(values) && beyond_steps(values, readings);
+        let read = values.map(|values| {
+            let varies = varies(&values);
+            one(values, varies, false)
+        });
+        let changes = |values: &[f64]| values.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum::<f64>();
+        let smoothed = read.as_ref().filter(|read| read.varies).and_then(|read| {
+            let (smoothed, ..) = thermometer::smoothed(time_s, readings)?;
+            let is_other = changes(&smoothed.value) < NOISY * changes(&read.values);
+            is_other.then(|| one(smoothed.value.into(), true, true))
+        });
+        read.into_iter().chain(smoothed)
+    }
 }
 
 /// A difference of two temperatures.
@@ -190,20 +224,9 @@ impl<'r> Inputs<'r> {
                 Thermometer::new(&auxiliary.column, near, auxiliary.position_m, &time_s, &series.values)
             })
             .collect();
-        let auxiliaries = (recording.auxiliaries.iter())
+        let auxiliaries = (recording.auxiliaries.par_iter())
             .filter(|series| series.auxiliary.quantity != Quantity::Temperature)
-            .filter_map(|series| {
-                let values = bridged(&time_s, &series.values)?;
-                let varies = series::varies(&values) && beyond_steps(&values, &series.values);
-                Some(AuxiliaryInput {
-                    column: series.auxiliary.column.clone(),
-                    quantity: series.auxiliary.quantity,
-                    unit: series.auxiliary.unit.clone(),
-                    near: series.auxiliary.near.clone(),
-                    values,
-                    varies,
-                })
-            })
+            .flat_map_iter(|series| AuxiliaryInput::of(series, &time_s))
             .collect();
         let off = times_off(recording);
         let after_long_gaps = recording.gaps.iter().filter_map(|gap| {
@@ -460,7 +483,7 @@ impl<'r> Inputs<'r> {
                 add(format!("rate of {name}"), "K/s", &thermometer.rate);
             }
         }
-        for auxiliary in self.auxiliaries.iter().filter(|auxiliary| auxiliary.varies) {
+        for auxiliary in self.auxiliaries.iter().filter(|it| it.varies && !it.smoothed) {
             let name = named(&auxiliary.quantity.to_string(), &auxiliary.column);
             add(name, &auxiliary.unit, &auxiliary.values);
         }

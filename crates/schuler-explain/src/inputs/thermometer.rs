@@ -64,9 +64,7 @@ impl Thermometer {
         time_s: &[f64],
         readings: &[f64],
     ) -> Option<Self> {
-        let quantisation = step_of(readings);
-        let by_its_steps = has_clean_steps(readings, quantisation);
-        let smoothed = estimate(time_s, readings, quantisation, by_its_steps)?;
+        let (smoothed, quantisation, by_its_steps) = smoothed(time_s, readings)?;
         Some(Self {
             column: column.to_owned(),
             near: near.map(str::to_owned),
@@ -174,7 +172,15 @@ fn has_clean_steps(readings: &[f64], step: f64) -> bool {
     step > 0.0 && changes <= CHANGES_PER_ROW * values.len() as f64
 }
 
-/// Smoothed temperature of readings with the given step.
+/// A quantity that changes smoothly, from its readings; their step, and whether it was estimated from the instants at which they change. None
+/// if there are no readings.
+pub fn smoothed(time_s: &[f64], readings: &[f64]) -> Option<(Smoothed, f64, bool)> {
+    let step = step_of(readings);
+    let by_its_steps = has_clean_steps(readings, step);
+    Some((estimate(time_s, readings, step, by_its_steps)?, step, by_its_steps))
+}
+
+/// Smoothed quantity of readings with the given step.
 fn estimate(time_s: &[f64], readings: &[f64], step: f64, by_its_steps: bool) -> Option<Smoothed> {
     let rows: Vec<usize> = (0..readings.len()).filter(|&row| readings[row].is_finite()).collect();
     let (&first, _) = (rows.first()?, rows.last()?);
