@@ -44,18 +44,19 @@ pub(super) const TIME_DELAY: Effect = Effect {
             let most = MOST_DELAY_S[usize::from(place.dimension() == Dimension::Velocity)];
             let most = most.max(inputs.recording.step_s);
             let late = searched(inputs, place, most.min(longest_s));
-            // The reference can be the late one; an accelerometer in a loop has none, and where sensors are each other's reference that is a
-            // delay of another.
-            if place.port == Port::Output && !inputs.motion.estimated {
-                late.iter().rev().map(|delay| -delay).chain(late.iter().copied()).collect()
-            } else {
+            // The reference can be the late one; where sensors are each other's reference that is a delay of another.
+            if inputs.motion.estimated {
                 late
+            } else {
+                late.iter().rev().map(|delay| -delay).chain(late.iter().copied()).collect()
             }
         };
         let delay = |place: &Place| Nonlinear { name: "delay_s", unit: "s", grid: grid(place) };
         // The components of a velocity are made by one instrument at one time.
         let alone = |place: &Place| place.dimension() != Dimension::Velocity;
         let mut found = whole_and_alone(effect, inputs, alone, delay, late);
+        // In a loop the velocity is what comes late: an accelerometer that does makes it so, but for a constant and the loop's turn meanwhile.
+        found.retain(|candidate| candidate.port == Port::Output);
         found.extend(inputs.places.iter().filter_map(|place| {
             let input = reference_in_loop(inputs, place)?;
             let of_loop = Place { input: Some(input), ..place.clone() };
