@@ -28,11 +28,11 @@ use crate::readings::{FEWEST_PILED, Fault, Faults, LEAST_STEP, OFF_LATTICE, faul
 use crate::refit::parameters;
 use crate::search::{Family, by_all_readings, refine_terms};
 use crate::select::{
-    Item, MOST_FINDINGS, Selection, Shown, add_change, evidence_of, gain_of_item, is_uncaused_or_noise,
-    judged_again, select, without,
+    Item, MOST_FINDINGS, Selection, Shown, add_change, evidence_of, gain_of_item, judged_again, select,
+    without,
 };
 use crate::sentence::sentence;
-use crate::smooth::in_the_place_of_uncaused;
+use crate::smooth::in_the_place_of_noise;
 use crate::state::{Bench, Case, State, refitted};
 use crate::watch::{Phase, Unwatched, Watch};
 
@@ -221,7 +221,7 @@ fn explained<S>(
         }
         None => &case,
     };
-    let dependences = in_the_place_of_uncaused(case, &mut selection, inputs, options.level);
+    let dependences = in_the_place_of_noise(case, &selection, inputs);
     let many = selection.state.terms.len() + selection.state.changes.len() >= MOST_FINDINGS;
     // Those that were taken for spikes are no longer among those of the case.
     let spiked = faults.found.iter().any(|fault| fault.fault == ReadingFault::Outliers);
@@ -233,10 +233,11 @@ fn explained<S>(
             state.log_likelihood = bench.log_likelihood;
         }
     };
-    let is_settled = |candidate: usize| {
-        dependences.iter().any(|dependence| is_uncaused_or_noise(case, candidate, dependence.source))
+    let mut findings = findings(case, &mut selection, options.level.ln(), &with_all_readings);
+    let is_replaced = |finding: &Finding| {
+        dependences.iter().any(|dependence| dependence.replaces(case, &selection.state, finding))
     };
-    let mut findings = findings(case, &mut selection, options.level.ln(), &is_settled, &with_all_readings);
+    findings.retain(|finding| !is_replaced(finding));
     unless_cancelled(watch)?;
     watch.progress(Phase::Judge, 0.0);
     let Selection { state, bench, .. } = &selection;
@@ -733,13 +734,12 @@ fn estimate_unknown(model: &mut Model) -> Vec<SourceKnob> {
     nuisances
 }
 
-/// Builds the findings: the best of each class is taken, but for what `is_settled` not to be there, then the parameters of all are fitted
-/// together, but for what is read off all readings.
+/// Builds the findings: the best of each class is taken, then the parameters of all are fitted together, but for what is read off all
+/// readings.
 fn findings<'c>(
     case: &'c Case<'c>,
     selection: &mut Selection<'c>,
     ln_level: f64,
-    is_settled: &dyn Fn(usize) -> bool,
     with_all_readings: &dyn Fn(&mut Selection<'c>),
 ) -> Vec<Finding> {
     let mut found = Vec::new();
@@ -751,10 +751,8 @@ fn findings<'c>(
         if case.watch.is_cancelled() {
             return Vec::new();
         }
-        let (mut ways, less) =
+        let (ways, less) =
             alternatives(case, &selection.state, item, &selection.family, ln_level, &mut budget);
-        let own = candidate_of(&selection.state, item);
-        ways.retain(|way| way.candidate == own || !is_settled(way.candidate));
         match (item, ways.first()) {
             (Item::Term(place), Some(Alternative { term: Some(term), evidence, simpler, .. }))
                 if *evidence > shown.evidence

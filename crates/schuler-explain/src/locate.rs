@@ -12,7 +12,7 @@ use crate::explanation::{Located, Remainder};
 use crate::inputs::Inputs;
 use crate::noise::Knob;
 use crate::nominal::Block;
-use crate::smooth::{self, Dependence};
+use crate::smooth::{Dependence, gain_of_one};
 use crate::state::{Accepted, Bench, Case, State};
 use crate::statistics::{chi_squared_tail, ljung_box};
 
@@ -37,6 +37,7 @@ struct Result {
     p: f64,
     interval_s: Option<[f64; 2]>,
     band_hz: Option<[f64; 2]>,
+    condition: Option<usize>,
 }
 
 /// Differences between the record and a description, most significant first.
@@ -67,12 +68,16 @@ pub fn left(
     inputs: &Inputs<'_>,
     dependences: &[Dependence],
 ) -> (bool, Option<Remainder>) {
-    if let Some(found) = dependences.iter().max_by(|a, b| a.gain_nats.total_cmp(&b.gain_nats)) {
+    if let Some(strongest) = dependences.iter().max_by(|a, b| a.gain_nats.total_cmp(&b.gain_nats)) {
+        let name = |dependence: &Dependence| case.model.sources[dependence.source].name.as_str();
+        let what = dependences.iter().map(|it| {
+            format!("the mean of {} depends on {}, as no effect of the catalogue does", name(it), it.on)
+        });
         let remainder = Remainder {
-            sensor: case.model.sources[found.source].name.clone(),
-            what: format!("the mean depends on {}, as no effect of the catalogue does", found.on),
-            on: Some(found.on.clone()),
-            gain_nats: found.gain_nats,
+            sensor: name(strongest).to_owned(),
+            what: what.collect::<Vec<_>>().join("; "),
+            on: Some(strongest.on.clone()),
+            gain_nats: strongest.gain_nats,
         };
         return (true, Some(remainder));
     }
@@ -91,14 +96,16 @@ pub fn left(
         .take(3)
         .map(|result| result.what.as_str())
         .collect();
-    let on = smooth::strongest(&bench, inputs, &case.model.blocks[block].sources)
-        .filter(|dependence| dependence.evidence > -LEFT.ln());
-    let remainder = Remainder {
-        sensor: block_name(case, block),
-        what: words.join("; "),
-        gain_nats: on.as_ref().map_or(0.0, |on| on.gain_nats),
-        on: on.map(|on| on.on),
-    };
+    let mut remainder =
+        Remainder { sensor: block_name(case, block), what: words.join("; "), on: None, gain_nats: 0.0 };
+    let conditions = inputs.conditions();
+    let on = results.iter().find(|result| result.block == block && result.condition.is_some());
+    if let Some(condition) = on.and_then(|result| result.condition).and_then(|index| conditions.get(index))
+        && let Some(gain_nats) = gain_of_one(&bench, case.model.blocks[block].sources[0], condition.values)
+    {
+        remainder.gain_nats = gain_nats;
+        remainder.on = Some(condition.name.clone());
+    }
     (true, Some(remainder))
 }
 
@@ -113,7 +120,10 @@ fn results(bench: &Bench<'_>, inputs: &Inputs<'_>) -> (Vec<Result>, f64) {
     let conditions: Vec<Binned> = inputs
         .conditions()
         .into_par_iter()
-        .filter_map(|condition| Some(Binned { name: condition.name, bins: bins(condition.values)? }))
+        .enumerate()
+        .filter_map(|(place, condition)| {
+            Some(Binned { place, name: condition.name, bins: bins(condition.values)? })
+        })
         .collect();
     let of_blocks: Vec<(Vec<Result>, f64)> = (0..bench.blocks.len())
         .into_par_iter()
@@ -133,8 +143,8 @@ fn results_of_block(bench: &Bench<'_>, index: usize, conditions: &[Binned]) -> O
     let block = &case.model.blocks[index];
     let (rows, channels) = (block.rows(), block.channels);
     let e = &whitened.remainder;
-    let mut push = |test, what, p: f64, number: f64, interval_s, band_hz| {
-        results.push(Result { block: index, test, what, p: p * number, interval_s, band_hz });
+    let mut push = |test, what, p: f64, number: f64, interval_s, band_hz, condition| {
+        results.push(Result { block: index, test, what, p: p * number, interval_s, band_hz, condition });
     };
     // NIS in windows.
     let length = (rows / WINDOWS).max(FEWEST_ROWS);
@@ -159,7 +169,7 @@ fn results_of_block(bench: &Bench<'_>, index: usize, conditions: &[Binned]) -> O
     if let Some((p, first, mean)) = worst {
         let what = format!("the mean of the normalised innovation squared is {mean:.2} instead of 1");
         let interval = [at(first), at((first + length).min(rows) - 1)];
-        push("nis_window", what, p, windows, Some(interval), None);
+        push("nis_window", what, p, windows, Some(interval), None, None);
         tests += 1.0;
     }
     for channel in 0..channels {
@@ -167,10 +177,10 @@ fn results_of_block(bench: &Bench<'_>, index: usize, conditions: &[Binned]) -> O
             .map(|row| if block.present[row] { e[channel * rows + row] } else { f64::NAN })
             .collect();
         let p = ljung_box(&series, LAGS);
-        push("ljung_box", "innovations are correlated in time".to_owned(), p, 1.0, None, None);
+        push("ljung_box", "innovations are correlated in time".to_owned(), p, 1.0, None, None, None);
         let (p, row) = largest_sum(&series);
         let what = format!("the mean changes near {:.0} s", at(row));
-        push("cumulative_sum", what, p, 1.0, Some([at(row), at(rows - 1)]), None);
+        push("cumulative_sum", what, p, 1.0, Some([at(row), at(rows - 1)]), None, None);
         tests += 2.0;
     }
     if let Some(spectrum) = bench.spectrum(index) {
@@ -188,7 +198,7 @@ fn results_of_block(bench: &Bench<'_>, index: usize, conditions: &[Binned]) -> O
             let hertz = omega / (std::f64::consts::TAU * block.step_s());
             let near = frequency_text(hertz);
             let what = format!("the spectrum near {near} is {excess:.2} times what it should be");
-            push("spectrum", what, p, bands, None, Some([0.98 * hertz, 1.02 * hertz]));
+            push("spectrum", what, p, bands, None, Some([0.98 * hertz, 1.02 * hertz]), None);
             tests += 1.0;
         }
     }
@@ -201,7 +211,7 @@ fn results_of_block(bench: &Bench<'_>, index: usize, conditions: &[Binned]) -> O
                 "the mean depends on {} (from {low:.2} σ to {high:.2} σ of its error)",
                 condition.name
             );
-            push("conditional_mean", what, p, 1.0, None, None);
+            push("conditional_mean", what, p, 1.0, None, None, Some(condition.place));
             tests += 1.0;
         }
     }
@@ -219,7 +229,7 @@ fn results_of_noises(bench: &Bench<'_>, state: &State) -> Vec<Result> {
         let id = bench.case.candidates[change.candidate].effect.id;
         let what = format!("{id} of {} is not the same at all times", model.sources[change.source].name);
         let test = "noise_constancy";
-        Some(Result { block, test, what, p, interval_s: None, band_hz: None })
+        Some(Result { block, test, what, p, interval_s: None, band_hz: None, condition: None })
     };
     state.changes.par_iter().filter(is_of_all_times).filter_map(result).collect()
 }
@@ -267,6 +277,8 @@ fn largest_sum(series: &[f64]) -> (f64, usize) {
 
 /// A condition in bins of equal number.
 struct Binned {
+    /// Its place among the conditions.
+    place: usize,
     name: String,
     /// The bin of each row; `None` where there is no value.
     bins: Vec<Option<u8>>,

@@ -274,33 +274,20 @@ pub fn judged_again<'c>(case: &'c Case<'c>, selection: Selection<'_>, level: f64
     Selection { state, bench, family, shown, prices, pairs, null, exceeded }
 }
 
-impl<'c> Selection<'c> {
-    /// Log-likelihood less what the items cost.
-    pub fn worth(&self) -> f64 {
-        self.state.log_likelihood - self.shown.iter().map(|(_, shown)| shown.cost()).sum::<f64>()
+impl Selection<'_> {
+    /// The description without some items, everything else as it was, and what some of them cost, nats.
+    pub fn without(&self, case: &Case<'_>, items: &[Item], saved: &[Item]) -> (State, f64) {
+        let costs = self.shown.iter().filter(|(item, _)| saved.contains(item)).map(|(_, shown)| shown.cost());
+        (without_all(case, &self.state, &self.prices, items).0, costs.sum())
     }
 
-    /// The description without some items and what is not significant then, and what it is worth.
-    pub fn without(&self, case: &'c Case<'c>, items: &[Item], ln_level: f64) -> (f64, Found<'c>) {
-        let (less, prices) = without_all(case, &self.state, &self.prices, items);
-        let (less, _) = refitted(case, &less, None);
-        let found = pruned(case, less, prices, &self.family, ln_level);
-        (worth(case, &found, &self.family), found)
-    }
-
-    /// Puts another description in the place of what was selected.
-    pub fn put(&mut self, case: &'c Case<'c>, (state, bench, prices): Found<'c>) {
-        self.shown = shown_up_to(case, &state, &prices, &self.family, f64::INFINITY);
-        (self.state, self.bench, self.prices) = (state, bench, prices);
-    }
-
-    /// What a source has of items that nothing recorded causes: shapes in time, and slow noise, which may take any.
-    pub fn uncaused(&self, case: &Case<'_>, source: usize) -> Vec<Item> {
+    /// The slow noise that was selected of a source, and the shapes in time of it that nothing recorded causes.
+    pub fn uncaused(&self, case: &Case<'_>, source: usize) -> (Vec<Item>, Vec<Item>) {
         let State { terms, changes, .. } = &self.state;
         let terms = (0..terms.len()).filter(|&place| is_uncaused(case, &terms[place], source));
         let is_noise = |change: &Accepted| change.source == source && is_of_slow_noise(change);
         let noises = (0..changes.len()).filter(|&place| is_noise(&changes[place]));
-        terms.map(Item::Term).chain(noises.map(Item::Change)).collect()
+        (noises.map(Item::Change).collect(), terms.map(Item::Term).collect())
     }
 }
 
@@ -1038,12 +1025,6 @@ fn as_noise_alone<'c>(
 /// Whether a term is a shape in time of a source that nothing recorded causes.
 fn is_uncaused(case: &Case<'_>, term: &Term, source: usize) -> bool {
     is_at(case, term.candidate, source) && has_no_cause(&case.candidates[term.candidate])
-}
-
-/// Whether a candidate is such a shape, or a change of the source's noise.
-pub fn is_uncaused_or_noise(case: &Case<'_>, candidate: usize, source: usize) -> bool {
-    let is_noise = matches!(case.candidates[candidate].search, Search::Noise(_));
-    is_at(case, candidate, source) && (is_noise || has_no_cause(&case.candidates[candidate]))
 }
 
 /// Whether a candidate is about the output, or the input, that a source is.

@@ -5,26 +5,27 @@
 //! | one quantity | a constant and a natural cubic spline |
 //! | two | a constant, both, and their product |
 //!
-//! What depends so on what is recorded goes as some noise or shape in time does, which is then found in its place. It is told from them by how
-//! likely the record is: what a dependence that is not there promises more than the noise that is, it does with a probability of e to the
-//! power of less that.
+//! What depends so on what is recorded goes as slow noise does, which is then found in its place. The two are told apart by how likely the
+//! record is under each.
 use std::sync::Arc;
 
 use rayon::prelude::*;
 
 use crate::catalogue::Column;
 use crate::description::Term;
-use crate::inputs::Inputs;
+use crate::explanation::Finding;
 use crate::inputs::series::{deviation, mean};
+use crate::inputs::{Condition, Inputs};
 use crate::nominal::Source;
 use crate::price::Price;
-use crate::select::{Selection, speaks};
-use crate::state::{Bench, Case};
+use crate::select::{Item, Selection, is_of_slow_noise, speaks};
+use crate::state::{Accepted, Bench, Case, State};
 
 /// Knots of a spline.
 const KNOTS: usize = 6;
-/// Nats by which a dependence must be the better description than what is not caused by anything recorded.
-const WORTH_UNEXPLAINED: f64 = 10.0;
+/// Nats by which a record must be likelier under a dependence, after what its parameters and places cost, than under slow noise: to one in a
+/// thousand.
+const LIKELIER: f64 = 6.9;
 
 /// A dependence on recorded quantities.
 #[derive(Clone, Debug)]
@@ -37,48 +38,68 @@ pub struct Dependence {
     pub gain_nats: f64,
     /// −ln p of the gain, over all dependences that were tried.
     pub evidence: f64,
+    /// Candidates of terms in whose place it is, beside the source's slow noise.
+    terms: Vec<usize>,
 }
 
-/// Takes what nothing recorded causes, slow noise, steps, lines, out of a selection where a smooth dependence on what is recorded is the
-/// better description, and gives these dependences.
-pub fn in_the_place_of_uncaused<'c>(
-    case: &'c Case<'c>,
-    selection: &mut Selection<'c>,
-    inputs: &Inputs<'_>,
-    level: f64,
-) -> Vec<Dependence> {
-    let mut found = Vec::new();
-    // One of each block: beside it, which is no term, the noise of another source would seem to be the same dependence.
-    for block in &case.model.blocks {
-        let instead = |&source: &usize| {
-            let items = selection.uncaused(case, source);
-            if items.is_empty() || case.watch.is_cancelled() {
-                return None;
-            }
-            let (worth, less) = selection.without(case, &items, level.ln());
-            // Where sources meet, what goes as the noise of one may be another's.
-            let dependence = strongest(&less.1, inputs, &block.sources)?;
-            let more = speaks(-dependence.evidence) + worth - selection.worth();
-            (more > WORTH_UNEXPLAINED).then_some((more, less, dependence))
-        };
-        let best = block.sources.iter().filter_map(instead).max_by(|a, b| a.0.total_cmp(&b.0));
-        if let Some((_, less, dependence)) = best {
-            selection.put(case, less);
-            found.push(dependence);
-        }
+impl Dependence {
+    /// Whether it is in the place of a finding of a description.
+    pub fn replaces(&self, case: &Case<'_>, state: &State, finding: &Finding) -> bool {
+        let is_noise = |change: &&Accepted| change.source == self.source && is_of_slow_noise(change);
+        let noises = state.changes.iter().filter(is_noise).map(|change| change.candidate);
+        let mut replaced = noises.chain(self.terms.iter().copied());
+        finding.sensor == case.model.sources[self.source].name
+            && replaced.any(|candidate| case.candidates[candidate].effect.id == finding.effect)
     }
-    found
 }
 
-/// The dependence of one of some sources that shows most beside a description.
-pub fn strongest(bench: &Bench<'_>, inputs: &Inputs<'_>, sources: &[usize]) -> Option<Dependence> {
+/// Dependences that describe the record better than the slow noise that was selected of a source, and the shapes in time beside it that nothing
+/// recorded causes. The description keeps these: they stand for what has no name.
+pub fn in_the_place_of_noise(
+    case: &Case<'_>,
+    selection: &Selection<'_>,
+    inputs: &Inputs<'_>,
+) -> Vec<Dependence> {
+    let of_source = |source: usize| {
+        let (noises, terms) = selection.uncaused(case, source);
+        if noises.is_empty() {
+            return None;
+        }
+        let instead = |terms: &[Item]| {
+            let (less, saved) = selection.without(case, &[&noises, terms].concat(), terms);
+            let bench = Bench::new(case, &less.terms, &less.noises);
+            let dependence = strongest(&bench, inputs, source)?;
+            let more =
+                bench.log_likelihood + saved + speaks(-dependence.evidence) - selection.state.log_likelihood;
+            let candidate = |item: &Item| match *item {
+                Item::Term(place) => Some(selection.state.terms[place].candidate),
+                Item::Change(_) => None,
+            };
+            let terms = terms.iter().filter_map(candidate).collect();
+            (more > LIKELIER).then_some((more, Dependence { terms, ..dependence }))
+        };
+        let alone = instead(&[]);
+        let with_terms = if terms.is_empty() { None } else { instead(&terms) };
+        alone
+            .into_iter()
+            .chain(with_terms)
+            .max_by(|a, b| a.0.total_cmp(&b.0))
+            .map(|(_, dependence)| dependence)
+    };
+    (0..case.model.sources.len()).filter_map(of_source).collect()
+}
+
+/// The dependence of a source that shows most beside a description.
+fn strongest(bench: &Bench<'_>, inputs: &Inputs<'_>, source: usize) -> Option<Dependence> {
     let quantities = quantities(inputs);
     let places = 0..quantities.len();
-    let on = places.flat_map(|one| (0..one).map(Some).chain([None]).map(move |other| (one, other)));
-    let tried: Vec<(usize, usize, Option<usize>)> =
-        on.flat_map(|(one, other)| sources.iter().map(move |&source| (source, one, other))).collect();
+    let tried: Vec<(usize, Option<usize>)> =
+        places.flat_map(|one| (0..one).map(Some).chain([None]).map(move |other| (one, other))).collect();
     let ln_places = (tried.len() as f64).ln();
-    let dependence = |&(source, one, other): &(usize, usize, Option<usize>)| {
+    let dependence = |&(one, other): &(usize, Option<usize>)| {
+        if bench.case.watch.is_cancelled() {
+            return None;
+        }
         let (name, values) = &quantities[one];
         let (on, columns) = match other.map(|other| &quantities[other]) {
             None => (name.clone(), of_one(values)?),
@@ -86,14 +107,21 @@ pub fn strongest(bench: &Bench<'_>, inputs: &Inputs<'_>, sources: &[usize]) -> O
         };
         let (gain_nats, rank) = bench.gain_of(&term(&bench.case.model.sources[source], columns));
         let evidence = Price::among(rank, ln_places).evidence(gain_nats);
-        Some(Dependence { source, on, gain_nats, evidence })
+        Some(Dependence { source, on, gain_nats, evidence, terms: Vec::new() })
     };
     tried.par_iter().filter_map(dependence).max_by(|a, b| a.evidence.total_cmp(&b.evidence))
 }
 
-/// What a dependence may be on: the conditions, and how fast the body goes and turns whatever the direction.
+/// What a smooth function of one quantity gains beside a description, nats; `None` of a quantity that has too few values.
+pub fn gain_of_one(bench: &Bench<'_>, source: usize, values: &[f64]) -> Option<f64> {
+    Some(bench.gain_of(&term(&bench.case.model.sources[source], of_one(values)?)).0)
+}
+
+/// What a dependence may be on: the conditions, and how fast the body goes and turns whatever the direction. A motion that is estimated from
+/// the readings themselves is none.
 fn quantities<'i>(inputs: &'i Inputs<'_>) -> Vec<(String, &'i [f64])> {
-    let conditions = inputs.conditions().into_iter().map(|it| (it.name, it.values));
+    let is_recorded = |condition: &Condition<'_>| !(inputs.motion.estimated && condition.of_motion);
+    let conditions = inputs.conditions().into_iter().filter(is_recorded).map(|it| (it.name, it.values));
     let of_motion = inputs.loudness().iter().map(|it| (it.name.to_owned(), &*it.values));
     conditions.chain(of_motion).collect()
 }
@@ -122,7 +150,7 @@ fn of_two(one: &[f64], other: &[f64]) -> Vec<Vec<f64>> {
     vec![vec![1.0; one.len()], one, other, product]
 }
 
-/// Constant and natural cubic spline (linear, then one for each inner knot), knots at equal numbers of values; `None` of less than three knots.
+/// Constant and natural cubic spline (linear, then one for each inner knot), knots at equal numbers of values; `None` of fewer than three knots.
 /// `[Hastie, Tibshirani & Friedman, The Elements of Statistical Learning, eq. 5.4–5.5]`
 fn of_one(values: &[f64]) -> Option<Vec<Vec<f64>>> {
     let mut sorted = values.to_vec();

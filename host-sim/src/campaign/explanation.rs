@@ -118,12 +118,6 @@ pub struct Quality {
 }
 
 impl Explanation {
-    /// The sensor of the first finding or, where there is none, of what is left.
-    pub fn located(&self) -> Option<&str> {
-        let first = self.findings.first().map(|finding| finding.sensor.as_str());
-        first.or(self.remainder.as_ref().map(|remainder| remainder.sensor.as_str()))
-    }
-
     /// Reads an answer.
     ///
     /// # Errors

@@ -39,9 +39,9 @@ pub struct CaseScore {
     pub failure: Option<String>,
     /// Verdict.
     pub verdict: Option<super::explanation::Verdict>,
-    /// The sensor of the first finding or, where there is none, of what is left.
+    /// The sensor of what is left.
     #[serde(default)]
-    pub located: Option<String>,
+    pub left: Option<String>,
     /// Every concealed effect.
     pub effects: Vec<EffectScore>,
     /// Findings that name nothing that was concealed.
@@ -52,6 +52,13 @@ pub struct CaseScore {
     pub held_out_nats: Option<[f64; 2]>,
     /// Fingerprint of the answer, as it was sealed before.
     pub fingerprint: String,
+}
+
+impl CaseScore {
+    /// The sensor of the first finding or, where there is none, of what is left.
+    pub fn located(&self) -> Option<&str> {
+        self.findings.first().map(|[sensor, _]| sensor.as_str()).or(self.left.as_deref())
+    }
 }
 
 /// The score of one concealed effect.
@@ -172,7 +179,7 @@ pub fn score(
         sensors: about.sensors,
         time_s: about.time_s,
         verdict: explained.as_ref().ok().map(|it| it.verdict),
-        located: explained.as_ref().ok().and_then(|it| it.located()).map(str::to_owned),
+        left: explained.as_ref().ok().and_then(|it| it.remainder.as_ref()).map(|left| left.sensor.clone()),
         effects,
         false_findings,
         findings: findings.iter().map(pair).collect(),

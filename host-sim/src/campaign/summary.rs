@@ -148,7 +148,7 @@ pub fn summary(scores: &[CaseScore], bars: &Bars) -> Summary {
         outside.iter().filter(|s| s.effects.iter().any(|e| e.gain_nats >= bars.gain_nats)).collect();
     let located = strong
         .iter()
-        .filter(|s| s.located.as_ref().is_some_and(|sensor| s.effects.iter().any(|e| e.sensor == *sensor)));
+        .filter(|s| s.located().is_some_and(|sensor| s.effects.iter().any(|e| e.sensor == sensor)));
     let claimed = strong.iter().filter(|s| s.verdict == Some(super::explanation::Verdict::Explained));
     let share = |hits: usize, of: usize| Share::new(hits, of, bars.confidence);
     Summary {

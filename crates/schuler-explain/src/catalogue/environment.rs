@@ -125,7 +125,7 @@ pub(super) const VIBRATION_RECTIFICATION: Effect = Effect {
                     let plausible = Plausible::inertial([0.01, 0.5], [1.0, 100.0]);
                     let values = product(&auxiliary.values, &auxiliary.values);
                     let amplitude = coefficient(place, G_SQUARED, plausible);
-                    Draft::linear(place, values, amplitude).with("column", &auxiliary.column)
+                    of_column(Draft::linear(place, values, amplitude), &auxiliary.column, auxiliary.smoothed)
                 })
                 .collect()
         })
@@ -144,28 +144,30 @@ pub(super) const BIAS_ON_AUX: Effect = Effect {
         let lag = time_constant(inputs, 10.0, 3600.0);
         at_each_place(effect, inputs, |place| {
             let others = near(inputs, place).filter(|auxiliary| is_other(place, auxiliary));
-            let mut quantities: Vec<(String, String, Series)> = others
-                .map(|auxiliary| (auxiliary.column.clone(), auxiliary.unit.clone(), auxiliary.values.clone()))
+            let mut quantities: Vec<(&str, &str, Series, bool)> = others
+                .map(|it| (it.column.as_str(), it.unit.as_str(), it.values.clone(), it.smoothed))
                 .collect();
             let thermometers = inputs.other_thermometers(place).into_iter();
-            quantities.extend(thermometers.filter(|thermometer| thermometer.varies()).map(|thermometer| {
-                (thermometer.column.clone(), "K".to_owned(), thermometer.temperature.clone())
-            }));
+            quantities.extend(
+                (thermometers.filter(|it| it.varies()))
+                    .map(|it| (it.column.as_str(), "K", it.temperature.clone(), false)),
+            );
             let mut drafts = Vec::new();
-            for (column, unit, values) in quantities {
+            for (column, unit, values, smoothed) in quantities {
                 let mut amplitude = coefficient(place, ITSELF, Plausible::UNKNOWN);
-                amplitude.unit = per(place, &unit);
+                amplitude.unit = per(place, unit);
                 let middle = mean(&values);
                 let at_once = map(&values, |value| value - middle);
                 let constant = vec![1.0; inputs.rows()];
                 let at_once = Draft::linear(place, at_once, amplitude.clone());
-                drafts.push(at_once.with_free_reference(place, constant.clone()).with("column", &column));
+                let at_once = at_once.with_free_reference(place, constant.clone());
+                drafts.push(of_column(at_once, column, smoothed));
                 if let Some(tau) = lag.clone() {
                     let time_s = inputs.time_s.clone();
                     let late = Draft::grid(place, tau, amplitude, move |tau| {
                         map(&lagged(&time_s, &values, tau), |value| value - middle)
                     });
-                    drafts.push(late.with_free_reference(place, constant).with("column", &column));
+                    drafts.push(of_column(late.with_free_reference(place, constant), column, smoothed));
                 }
             }
             drafts
@@ -225,9 +227,14 @@ fn centred(place: &Place, auxiliary: &AuxiliaryInput, amplitude: Amplitude) -> D
     let middle = mean(&auxiliary.values);
     let values = map(&auxiliary.values, |value| value - middle);
     let constant = vec![1.0; auxiliary.values.len()];
-    Draft::linear(place, values, amplitude)
-        .with_free_reference(place, constant)
-        .with("column", &auxiliary.column)
+    let draft = Draft::linear(place, values, amplitude).with_free_reference(place, constant);
+    of_column(draft, &auxiliary.column, auxiliary.smoothed)
+}
+
+/// A dependence on a recorded column, as it is read or smoothed.
+fn of_column(draft: Draft, column: &str, smoothed: bool) -> Draft {
+    let draft = draft.with("column", column);
+    if smoothed { draft.with("readings", "smoothed") } else { draft }
 }
 
 /// Unit of a coefficient on a quantity whose unit is not one of the catalogue's.

@@ -44,11 +44,12 @@ pub(super) const TIME_DELAY: Effect = Effect {
             let most = MOST_DELAY_S[usize::from(place.dimension() == Dimension::Velocity)];
             let most = most.max(inputs.recording.step_s);
             let late = searched(inputs, place, most.min(longest_s));
-            // The reference can be the late one; where sensors are each other's reference that is a delay of another.
-            if inputs.motion.estimated {
-                late
-            } else {
+            // The reference can be the late one; a gyro in a loop has none, and where sensors are each other's reference that is a delay of
+            // another.
+            if place.port == Port::Output && !inputs.motion.estimated {
                 late.iter().rev().map(|delay| -delay).chain(late.iter().copied()).collect()
+            } else {
+                late
             }
         };
         let delay = |place: &Place| Nonlinear { name: "delay_s", unit: "s", grid: grid(place) };
@@ -56,7 +57,7 @@ pub(super) const TIME_DELAY: Effect = Effect {
         let alone = |place: &Place| place.dimension() != Dimension::Velocity;
         let mut found = whole_and_alone(effect, inputs, alone, delay, late);
         // In a loop the velocity is what comes late: an accelerometer that does makes it so, but for a constant and the loop's turn meanwhile.
-        found.retain(|candidate| candidate.port == Port::Output);
+        found.retain(|candidate| candidate.port != Port::Accelerometer);
         found.extend(inputs.places.iter().filter_map(|place| {
             let input = reference_in_loop(inputs, place)?;
             let of_loop = Place { input: Some(input), ..place.clone() };

@@ -124,9 +124,10 @@ impl AuxiliaryInput {
         });
         let changes = |values: &[f64]| values.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum::<f64>();
         let smoothed = read.as_ref().filter(|read| read.varies).and_then(|read| {
-            let (smoothed, ..) = thermometer::smoothed(time_s, readings)?;
+            let (smoothed, step, _) = thermometer::smoothed(time_s, readings)?;
             let is_other = changes(&smoothed.value) < NOISY * changes(&read.values);
-            is_other.then(|| one(smoothed.value.into(), true, true))
+            let moves = thermometer::moves(&smoothed.value, &smoothed.value_variance, step);
+            (is_other && moves).then(|| one(smoothed.value.into(), true, true))
         });
         read.into_iter().chain(smoothed)
     }
@@ -173,6 +174,8 @@ pub struct Condition<'a> {
     pub unit: String,
     /// One value a row.
     pub values: &'a [f64],
+    /// Whether it is of the body's motion.
+    pub of_motion: bool,
 }
 
 /// Rows from which on a recorded supply is off, to that in which it is on again; none of one that is off more often than runs are counted.
@@ -471,21 +474,21 @@ impl<'r> Inputs<'r> {
     /// Every series on which a residual may be tested for dependence.
     pub fn conditions<'s>(&'s self) -> Vec<Condition<'s>> {
         let mut conditions: Vec<Condition<'s>> = Vec::new();
-        let mut add = |name: String, unit: &str, values: &'s [f64]| {
+        let mut add = |name: String, unit: &str, values: &'s [f64], of_motion: bool| {
             if series::varies(values) {
-                conditions.push(Condition { name, unit: unit.to_owned(), values });
+                conditions.push(Condition { name, unit: unit.to_owned(), values, of_motion });
             }
         };
         for thermometer in self.thermometers.iter().filter(|thermometer| thermometer.varies()) {
             let name = named("temperature", &thermometer.column);
-            add(name.clone(), "degC", &thermometer.temperature);
+            add(name.clone(), "degC", &thermometer.temperature, false);
             if thermometer.rate_varies() {
-                add(format!("rate of {name}"), "K/s", &thermometer.rate);
+                add(format!("rate of {name}"), "K/s", &thermometer.rate, false);
             }
         }
         for auxiliary in self.auxiliaries.iter().filter(|it| it.varies && !it.smoothed) {
             let name = named(&auxiliary.quantity.to_string(), &auxiliary.column);
-            add(name, &auxiliary.unit, &auxiliary.values);
+            add(name, &auxiliary.unit, &auxiliary.values, false);
         }
         let motion = &self.motion;
         let of_body = [
@@ -495,11 +498,11 @@ impl<'r> Inputs<'r> {
         ];
         for (name, unit, vectors) in of_body {
             for (axis, values) in ["x", "y", "z"].iter().zip(vectors.iter().flatten()) {
-                add(format!("{name} {axis}"), unit, values);
+                add(format!("{name} {axis}"), unit, values, true);
             }
         }
         for (name, values) in ["roll", "pitch", "heading"].iter().zip(motion.attitude.iter().flatten()) {
-            add((*name).to_owned(), "rad", values);
+            add((*name).to_owned(), "rad", values, true);
         }
         conditions
     }

@@ -100,8 +100,7 @@ impl Thermometer {
 
     /// Whether the temperature moves by more than its steps and its uncertainty.
     pub fn varies(&self) -> bool {
-        series::range(&self.temperature) > 3.0 * self.quantisation
-            && series::deviation(&self.temperature) > 2.0 * series::mean(&self.temperature_variance).sqrt()
+        moves(&self.temperature, &self.temperature_variance, self.quantisation)
     }
 
     /// Whether its rate does.
@@ -170,6 +169,11 @@ fn has_clean_steps(readings: &[f64], step: f64) -> bool {
     let values: Vec<f64> = readings.iter().copied().filter(|reading| reading.is_finite()).collect();
     let changes = values.windows(2).filter(|pair| pair[0] != pair[1]).count() as f64;
     step > 0.0 && changes <= CHANGES_PER_ROW * values.len() as f64
+}
+
+/// Whether a quantity moves by more than its steps and its uncertainty.
+pub fn moves(values: &[f64], variances: &[f64], step: f64) -> bool {
+    series::range(values) > 3.0 * step && series::deviation(values) > 2.0 * series::mean(variances).sqrt()
 }
 
 /// A quantity that changes smoothly, from its readings; their step, and whether it was estimated from the instants at which they change. None
