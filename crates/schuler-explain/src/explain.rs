@@ -638,11 +638,18 @@ fn of_readings(
             .collect();
         let interval_s = [at(fault.rows.0), at(fault.rows.1.saturating_sub(1)) + case.model.step_s];
         let id = candidate.effect.id.to_owned();
+        let mut class = vec![id.clone()];
+        // Steps that are coarser than all that it reads leave one level as well.
+        let mut present = series.values.iter().filter(|value| value.is_finite());
+        let first = present.next();
+        if fault.fault == ReadingFault::Stuck && present.all(|value| Some(value) == first) {
+            class.push(QUANTISATION.to_owned());
+        }
         let rivals = same_in_parity(case.model, fault, candidate);
         findings.push(Finding {
             sentence: sentence(candidate, &sensor, &parameters, interval_s, case.time_s),
             sensor,
-            class: vec![id.clone()],
+            class,
             effect: id,
             interval_s,
             parameters,

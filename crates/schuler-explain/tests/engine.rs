@@ -686,6 +686,21 @@ fn the_noise_of_a_meter_attenuates_no_coefficient() {
     }
 }
 
+/// Readings that never move are those of a stuck output or of steps coarser than all there is to read; ones that moved until then are not.
+#[test]
+fn readings_that_never_move_may_be_coarse() {
+    let class = |moves_until: usize| {
+        let mut values = noise(170_000, ROWS);
+        values[moves_until..].fill(0.25);
+        let recording = recording(vec![values, noise(170_001, ROWS)]);
+        let answer = explain(&recording, &Options { hold_out: false, ..Options::default() }).unwrap();
+        let of_it = answer.findings.into_iter().find(|finding| finding.sensor == "sensor_0");
+        of_it.map_or_else(Vec::new, |finding| finding.class)
+    };
+    assert_eq!(class(0), ["output_stuck", "quantisation"]);
+    assert_eq!(class(ROWS / 2), ["output_stuck"]);
+}
+
 /// A random walk under white noise that is smaller than nominal, in short records: steps, drifts and lines are as good a description of
 /// any one walk, and each gains more than it costs.
 #[test]
