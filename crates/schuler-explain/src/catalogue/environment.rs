@@ -162,7 +162,8 @@ pub(super) const BIAS_ON_AUX: Effect = Effect {
                 let at_once = Draft::linear(place, at_once, amplitude.clone());
                 let at_once = at_once.with_free_reference(place, constant.clone());
                 drafts.push(of_column(at_once, column, smoothed));
-                if let Some(tau) = lag.clone() {
+                // A lag makes readings smooth by itself.
+                if let Some(tau) = lag.clone().filter(|_| !smoothed) {
                     let time_s = inputs.time_s.clone();
                     let late = Draft::grid(place, tau, amplitude, move |tau| {
                         map(&lagged(&time_s, &values, tau), |value| value - middle)
