@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use crate::catalogue::Column;
 use crate::description::Term;
 use crate::explanation::Finding;
-use crate::inputs::series::{deviation, mean};
+use crate::inputs::series::{deviation, mean, product};
 use crate::inputs::{Condition, Inputs};
 use crate::nominal::Source;
 use crate::price::Price;
@@ -37,7 +37,7 @@ pub struct Dependence {
     /// What it gains, nats.
     pub gain_nats: f64,
     /// −ln p of the gain, over all dependences that were tried.
-    pub evidence: f64,
+    evidence: f64,
     /// Candidates of terms in whose place it is, beside the source's slow noise.
     terms: Vec<usize>,
 }
@@ -146,8 +146,8 @@ fn of_two(one: &[f64], other: &[f64]) -> Vec<Vec<f64>> {
         values.iter().map(|value| (value - mean) / deviation).collect()
     };
     let (one, other) = (standard(one), standard(other));
-    let product = one.iter().zip(&other).map(|(one, other)| one * other).collect();
-    vec![vec![1.0; one.len()], one, other, product]
+    let both = product(&one, &other);
+    vec![vec![1.0; one.len()], one, other, both]
 }
 
 /// Constant and natural cubic spline (linear, then one for each inner knot), knots at equal numbers of values; `None` of fewer than three knots.

@@ -116,10 +116,8 @@ impl AuxiliaryInput {
             varies,
             smoothed,
         };
-        let values = bridged(time_s, readings);
-        let varies = |values: &Series| series::varies(values) && beyond_steps(values, readings);
-        let read = values.map(|values| {
-            let varies = varies(&values);
+        let read = bridged(time_s, readings).map(|values| {
+            let varies = series::varies(&values) && beyond_steps(&values, readings);
             one(values, varies, false)
         });
         let changes = |values: &[f64]| values.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum::<f64>();
