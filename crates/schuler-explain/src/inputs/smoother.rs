@@ -72,8 +72,8 @@ impl State {
         }
     }
 
-    /// The state given a measurement, and twice its negative log-likelihood less ln 2π.
-    fn updated(&self, measurement: &Measurement) -> (Self, f64) {
+    /// The state given a measurement, the square of its normalised innovation, and the innovation's variance.
+    fn updated(&self, measurement: &Measurement) -> (Self, f64, f64) {
         // x was measured `before_s` ago: h = [1, −before].
         let b = measurement.before_s;
         let [p00, p01, p11] = self.p;
@@ -85,41 +85,84 @@ impl State {
             x: [self.x[0] + k0 * innovation, self.x[1] + k1 * innovation],
             p: [(p00 - k0 * c0).max(0.0), p01 - k0 * c1, (p11 - k1 * c1).max(0.0)],
         };
-        (state, innovation * innovation / variance + variance.ln())
+        (state, innovation * innovation / variance, variance)
     }
 }
 
-/// Negative log-likelihood of measurements in the order of their times, less the constant; the first two, which only
-/// start the filter, do not count.
-pub fn negative_log_likelihood(
-    time_s: &[f64],
-    measurements: &[Measurement],
-    process: f64,
-    scale: f64,
-) -> f64 {
-    let Some(first) = measurements.first() else { return 0.0 };
-    let mut state = State::prior(first.value, scale);
-    let mut now_s = time_s[first.row];
-    let mut sum = 0.0;
-    for (count, measurement) in measurements.iter().enumerate() {
-        let step_s = time_s[measurement.row] - now_s;
-        if step_s > 0.0 {
-            state = state.predicted(step_s, process);
-            now_s = time_s[measurement.row];
+/// How well measurements in the order of their times agree with a process noise; the first two, which only start the filter, do not count.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Agreement {
+    /// Sum of the squares of normalised innovations.
+    squares: f64,
+    /// Sum of the logarithms of their variances.
+    ln_variances: f64,
+    /// Number of innovations.
+    number: usize,
+}
+
+impl Agreement {
+    fn of(time_s: &[f64], measurements: &[Measurement], process: f64, scale: f64) -> Self {
+        let mut agreement = Self::default();
+        let Some(first) = measurements.first() else { return agreement };
+        let mut state = State::prior(first.value, scale);
+        let mut now_s = time_s[first.row];
+        for (count, measurement) in measurements.iter().enumerate() {
+            let step_s = time_s[measurement.row] - now_s;
+            if step_s > 0.0 {
+                state = state.predicted(step_s, process);
+                now_s = time_s[measurement.row];
+            }
+            let (square, variance);
+            (state, square, variance) = state.updated(measurement);
+            if count >= 2 {
+                agreement.squares += square;
+                agreement.ln_variances += variance.ln();
+                agreement.number += 1;
+            }
         }
-        let (updated, cost) = state.updated(measurement);
-        state = updated;
-        if count >= 2 {
-            sum += 0.5 * cost;
-        }
+        agreement
     }
-    sum
+
+    /// By what all variances, that of the process among them, have the largest likelihood, not less than `least`.
+    fn factor(&self, least: f64) -> f64 {
+        if self.number == 0 { 1.0_f64.max(least) } else { (self.squares / self.number as f64).max(least) }
+    }
+
+    /// Negative log-likelihood less the constant, all variances multiplied by `factor`.
+    fn negative_log_likelihood(&self, factor: f64) -> f64 {
+        0.5 * (self.squares / factor + self.ln_variances + self.number as f64 * factor.ln())
+    }
 }
 
 /// The process noise `w`, unit of x²/s³, with the largest likelihood, and its negative log-likelihood.
 pub fn process_noise(time_s: &[f64], measurements: &[Measurement], scale: f64) -> (f64, f64) {
+    let cost =
+        |process: f64| Agreement::of(time_s, measurements, process, scale).negative_log_likelihood(1.0);
+    most_likely(scale, cost)
+}
+
+/// The process noise of measurements whose variances are known but for a common factor, not less than `least`, and that factor: concentrated
+/// likelihood. The process noise belongs to the variances multiplied by it.
+pub fn process_and_factor(
+    time_s: &[f64],
+    measurements: &[Measurement],
+    scale: f64,
+    least: f64,
+) -> (f64, f64) {
+    let agreement = |process: f64| Agreement::of(time_s, measurements, process, scale);
+    let cost = |process: f64| {
+        let agreement = agreement(process);
+        agreement.negative_log_likelihood(agreement.factor(least))
+    };
+    let (process, _) = most_likely(scale, cost);
+    let factor = agreement(process).factor(least);
+    (process * factor, factor)
+}
+
+/// The process noise of the least cost, and that.
+fn most_likely(scale: f64, cost: impl Fn(f64) -> f64) -> (f64, f64) {
     let unit = scale * scale;
-    let cost = |decade: f64| negative_log_likelihood(time_s, measurements, unit * 10_f64.powf(decade), scale);
+    let cost = |decade: f64| cost(unit * 10_f64.powf(decade));
     let (best, _) = (DECADES[0]..=DECADES[1])
         .map(|decade| (decade as f64, cost(decade as f64)))
         .fold((0.0, f64::INFINITY), |best: (f64, f64), tried| if tried.1 < best.1 { tried } else { best });

@@ -9,7 +9,7 @@
 //!
 //! Output: T in °C, dT/dt in K/s, and their variances, in every row, gaps bridged.
 use super::series::{self, Series};
-use super::smoother::{Measurement, Smoothed, negative_log_likelihood, process_noise, smooth};
+use super::smoother::{Measurement, Smoothed, process_and_factor, process_noise, smooth};
 
 /// Part of rows in which the level changes beyond which readings are taken one by one: noise of 0.25 steps makes
 /// so many, and where the temperature itself does, the errors of its steps are as good as white.
@@ -31,6 +31,8 @@ const STEP_TOLERANCE: f64 = 0.02;
 const HELD: f64 = 0.5;
 /// Readings beyond which those of a record without steps are averaged in blocks to find the noise.
 const MOST_READINGS: usize = 20_000;
+/// Least variance of a reading, relative to the square of the range.
+const LEAST_VARIANCE: f64 = 1e-12;
 
 /// Temperature at a place.
 #[derive(Clone, Debug)]
@@ -325,39 +327,30 @@ fn hold(
 
 /// Process noise and variance of a reading for readings that all count.
 fn noise_of(time_s: &[f64], readings: &[f64], rows: &[usize], step: f64, scale: f64) -> (f64, f64) {
-    let block = rows.len().div_ceil(MOST_READINGS);
-    let averaged = |variance: f64| -> Vec<Measurement> {
-        rows.chunks(block)
-            .map(|chunk| {
-                let mean = |of: &dyn Fn(usize) -> f64| {
-                    chunk.iter().map(|&row| of(row)).sum::<f64>() / chunk.len() as f64
-                };
-                let row = chunk[chunk.len() - 1];
-                Measurement {
-                    row,
-                    before_s: time_s[row] - mean(&|row| time_s[row]),
-                    value: mean(&|row| readings[row]),
-                    variance: variance / chunk.len() as f64,
-                }
-            })
-            .collect()
-    };
     // Half the mean square of second differences over 3 is the variance of white noise on a smooth quantity.
     let second: Vec<f64> = rows
         .windows(3)
         .map(|three| readings[three[0]] - 2.0 * readings[three[1]] + readings[three[2]])
         .collect();
-    let start = (series::rms(&second).powi(2) / 6.0).max(step * step / 12.0).max(1e-12 * scale * scale);
-    let tried = (-4..=2).map(|half_decades| {
-        let variance = (start * 10_f64.powf(f64::from(half_decades) / 2.0)).max(step * step / 12.0);
-        let measurements = averaged(variance);
-        let (process, cost) = process_noise(time_s, &measurements, scale);
-        (process, variance, cost)
-    });
-    let (process, variance, _) =
-        tried.min_by(|a, b| a.2.total_cmp(&b.2)).unwrap_or((scale * scale * 1e-12, start, 0.0));
-    debug_assert!(negative_log_likelihood(time_s, &averaged(variance), process, scale).is_finite());
-    (process, variance)
+    let least = (step * step / 12.0).max(LEAST_VARIANCE * scale * scale);
+    let start = (series::rms(&second).powi(2) / 6.0).max(least);
+    let averaged: Vec<Measurement> = rows
+        .chunks(rows.len().div_ceil(MOST_READINGS))
+        .map(|chunk| {
+            let mean = |of: &dyn Fn(usize) -> f64| {
+                chunk.iter().map(|&row| of(row)).sum::<f64>() / chunk.len() as f64
+            };
+            let row = chunk[chunk.len() - 1];
+            Measurement {
+                row,
+                before_s: time_s[row] - mean(&|row| time_s[row]),
+                value: mean(&|row| readings[row]),
+                variance: start / chunk.len() as f64,
+            }
+        })
+        .collect();
+    let (process, factor) = process_and_factor(time_s, &averaged, scale, least / start);
+    (process, start * factor)
 }
 
 #[cfg(test)]
