@@ -185,7 +185,7 @@ fn explained<S>(
     let angles: Vec<Fault> = faults.found.extract_if(.., |fault| is_of_angle(&unmasked, fault)).collect();
     let of_angle: Vec<usize> = angles.iter().map(|fault| fault.sensor).collect();
     let mut model = prepared(&unmasked, &faults, &of_angle, inputs)?;
-    candidates.retain(|candidate| acts(&model, candidate) && !is_spoilt(candidate, &faults.found, recording));
+    candidates.retain(|candidate| acts(&model, candidate) && !is_spoilt(candidate, &faults.found, &model));
     let nuisances = estimate_unknown(&mut model);
     let noises = model.nominal_noises();
     no_singular_noise(&model, &noises)?;
@@ -264,7 +264,7 @@ fn explained<S>(
     notes.extend(model.notes.iter().cloned());
     let told = |main: &Finding, sensor: &str| told_of(case, &selection, main, sensor);
     notes.extend(set_remainders_aside(&mut findings, recording, &told));
-    notes.extend(set_rounding_aside(&mut findings, recording, &faults.found));
+    notes.extend(set_rounding_aside(&mut findings, &model, recording, &faults.found));
     notes.extend(set_angles_aside(&mut findings, recording, &of_angle));
     notes.extend(noise_of_references(&unmasked, recording, &findings));
     if many {
@@ -456,12 +456,17 @@ fn noise_of_references(model: &Model, recording: &Recording, findings: &[Finding
 
 /// Takes away the constants that are no larger than what rounding to the step that was found makes of readings whose noise does
 /// not carry them over it, and says so. They stay in the description that is fitted.
-fn set_rounding_aside(findings: &mut Vec<Finding>, recording: &Recording, faults: &[Fault]) -> Vec<String> {
+fn set_rounding_aside(
+    findings: &mut Vec<Finding>,
+    model: &Model,
+    recording: &Recording,
+    faults: &[Fault],
+) -> Vec<String> {
     let most = |finding: &Finding| {
         let sensor = recording.sensors.iter().position(|series| series.sensor.id == finding.sensor)?;
         let step = (faults.iter()).filter(|fault| fault.sensor == sensor).find_map(Fault::lattice_step)?;
         let series = &recording.sensors[sensor];
-        let shift = shift_by_rounding(step, series.sensor.nominal.white);
+        let shift = shift_by_rounding(step, model.white_of(sensor));
         Some(shift / series.written_unit.in_si())
     };
     let mut notes = Vec::new();
@@ -533,9 +538,9 @@ fn shift_by_rounding(step: f64, white: f64) -> f64 {
 /// Whether a candidate is about the noise, or a mean that comes and goes, of an output that is clipped or coarse: what is left of it
 /// then is not what the sensor's noise was, and readings of a few levels have a mean for each. Rounding that the noise carries over the
 /// steps adds to it and leaves it as it was, and so does a limit that is reached once.
-fn is_spoilt(candidate: &Candidate, faults: &[Fault], recording: &Recording) -> bool {
+fn is_spoilt(candidate: &Candidate, faults: &[Fault], model: &Model) -> bool {
     let coarse = |fault: &Fault| {
-        let white = recording.sensors[fault.sensor].sensor.nominal.white;
+        let white = model.white_of(fault.sensor);
         let step = fault.lattice_step().filter(|step| *step >= LEAST_STEP * white);
         match candidate.search {
             Search::Readings(ReadingFault::IntermittentJump) => step.is_some(),
@@ -709,28 +714,7 @@ fn estimate_unknown(model: &mut Model) -> Vec<SourceKnob> {
             continue;
         }
         let Some(block) = model.blocks.iter().find(|block| block.sources.contains(&index)) else { continue };
-        let rows = block.rows();
-        let mut differences: Vec<f64> = (block.data[..rows].windows(2))
-            .map(|pair| (pair[1] - pair[0]).abs())
-            .filter(|difference| difference.is_finite())
-            .collect();
-        let middle = differences.len() / 2;
-        let median = if differences.is_empty() {
-            0.0
-        } else {
-            *differences.select_nth_unstable_by(middle, f64::total_cmp).1
-        };
-        let largest =
-            block.data.iter().filter(|value| value.is_finite()).fold(0.0_f64, |a, b| a.max(b.abs()));
-        // Readings of which most are equal have a median of zero, which is no noise level.
-        let squares: f64 = differences.iter().map(|difference| difference * difference).sum();
-        let spread = if median > 0.0 {
-            // Median of |difference| of normal values: 0.6745 √2 σ.
-            median / 0.954
-        } else {
-            (0.5 * squares / differences.len().max(1) as f64).sqrt()
-        };
-        let white = spread.max(1e-6 * largest).max(f64::MIN_POSITIVE.sqrt());
+        let white = block.white_by_differences();
         model.sources[index].nominal.white = white;
         nuisances.push((index, Knob::White));
         model.notes.push(format!(

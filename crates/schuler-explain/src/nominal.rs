@@ -14,7 +14,7 @@ use std::sync::Arc;
 use nalgebra::{Complex, DMatrix, DVector};
 use schuler_recording::Recording;
 use schuler_recording::case::{MotionKind, SensorKind};
-use schuler_recording::motion::predict;
+use schuler_recording::motion::{is_resolved_over_earth, predict};
 use schuler_recording::recording::SensorSeries;
 use schuler_recording::unit::{Dimension, Unit};
 
@@ -236,6 +236,17 @@ impl Model {
         self.sources.iter().position(|source| source.sensor == sensor && source.port == port)
     }
 
+    /// White noise of a sensor's output, SI, as the case states it; by the residuals where it states none.
+    pub fn white_of(&self, sensor: usize) -> f64 {
+        let source = self.source_of(sensor, Port::Output).map(|index| (index, &self.sources[index]));
+        let by_differences =
+            |index| self.block_of_source(index).map(|at| self.blocks[at].white_by_differences());
+        source.map_or(0.0, |(index, source)| {
+            let stated = source.nominal.white;
+            if stated > 0.0 || !source.unknown { stated } else { by_differences(index).unwrap_or(stated) }
+        })
+    }
+
     /// What the readings of a block tell beside its residuals, if they are redundant.
     pub fn common_motion_of(&self, block: usize) -> Option<&CommonMotion> {
         self.common_motions.iter().find(|common| common.sources == self.blocks[block].sources)
@@ -266,6 +277,11 @@ impl Model {
     fn add_known(&mut self, recording: &Recording, masked: &[Vec<bool>]) {
         if turns_in_place(recording) {
             self.notes.push("no velocity is recorded: the body is taken to turn where it is".to_owned());
+        }
+        if are_level_and_north(recording) {
+            let taken =
+                "no attitude is recorded: the axes of GNSS and INS velocities are taken as north, east, down";
+            self.notes.push(taken.to_owned());
         }
         for (index, series) in recording.sensors.iter().enumerate() {
             let sensor = &series.sensor;
@@ -453,6 +469,14 @@ pub fn of_input(recording: &Recording, masked: &[Vec<bool>], index: usize) -> Ve
         .collect()
 }
 
+/// Whether velocities are compared with those over the Earth though no attitude is recorded.
+fn are_level_and_north(recording: &Recording) -> bool {
+    let motion = &recording.motion;
+    motion.attitude_rad.is_none()
+        && motion.velocity_ned.is_some()
+        && recording.sensors.iter().any(|series| is_resolved_over_earth(series.sensor.kind))
+}
+
 /// Whether accelerometers are predicted from an attitude alone.
 fn turns_in_place(recording: &Recording) -> bool {
     let motion = &recording.motion;
@@ -554,6 +578,30 @@ impl Block {
     /// Whether its channels are parities of several sensors.
     pub fn is_redundant(&self) -> bool {
         matches!(self.geometry, Geometry::Parity(_))
+    }
+
+    /// The white noise that the differences of its first channel from row to row would have.
+    pub fn white_by_differences(&self) -> f64 {
+        let mut differences: Vec<f64> = (self.data[..self.rows()].windows(2))
+            .map(|pair| (pair[1] - pair[0]).abs())
+            .filter(|difference| difference.is_finite())
+            .collect();
+        let middle = differences.len() / 2;
+        let median = if differences.is_empty() {
+            0.0
+        } else {
+            *differences.select_nth_unstable_by(middle, f64::total_cmp).1
+        };
+        let largest = self.data.iter().filter(|value| value.is_finite()).fold(0.0_f64, |a, b| a.max(b.abs()));
+        // Readings of which most are equal have a median of zero, which is no noise level.
+        let squares: f64 = differences.iter().map(|difference| difference * difference).sum();
+        let spread = if median > 0.0 {
+            // Median of |difference| of normal values: 0.6745 √2 σ.
+            median / 0.954
+        } else {
+            (0.5 * squares / differences.len().max(1) as f64).sqrt()
+        };
+        spread.max(1e-6 * largest).max(f64::MIN_POSITIVE.sqrt())
     }
 
     /// Number of rows.

@@ -249,9 +249,7 @@ fn take_single_stays_off(
 /// Faults of all sensors, and the readings spoilt by them.
 pub fn faults(recording: &Recording, model: &Model) -> Faults {
     let of_sensors: Vec<(Vec<Fault>, Vec<bool>)> = (recording.sensors.par_iter().enumerate())
-        .map(|(index, series)| {
-            of_itself(index, series, model.block_of(index).map(|block| &model.blocks[block]))
-        })
+        .map(|(index, series)| of_itself(index, series, model))
         .collect();
     let (found, mut masked): (Vec<Vec<Fault>>, Vec<Vec<bool>>) = of_sensors.into_iter().unzip();
     let mut found: Vec<Fault> = found.into_iter().flatten().collect();
@@ -297,10 +295,11 @@ pub fn faults(recording: &Recording, model: &Model) -> Faults {
     Faults { found, masked, masked_without_spikes, steps, clipped }
 }
 
-/// What the readings of a sensor show alone, and the rows spoilt by it. `block` is the one that the sensor is in.
-fn of_itself(index: usize, series: &SensorSeries, block: Option<&Block>) -> (Vec<Fault>, Vec<bool>) {
+/// What the readings of a sensor show alone, and the rows spoilt by it.
+fn of_itself(index: usize, series: &SensorSeries, model: &Model) -> (Vec<Fault>, Vec<bool>) {
     let mut mask = vec![false; series.values.len()];
     let sensor = &series.sensor;
+    let block = model.block_of(index).map(|block| &model.blocks[block]);
     let moves = sensor.nominal.white > 2.0 * sensor.quantisation;
     let lattice = lattice(&series.values);
     let coarse_step = lattice.map_or(0.0, |lattice| lattice.step);
@@ -322,7 +321,7 @@ fn of_itself(index: usize, series: &SensorSeries, block: Option<&Block>) -> (Vec
     let repeats = Repeats { moves, at_rest: same_at_rest(coarse_step, sensor.nominal.white) };
     let stuck = stuck(index, &series.values, repeats, &mut mask);
     let coarse = lattice.and_then(|lattice| {
-        coarse(index, &series.values, lattice, sensor.quantisation, sensor.nominal.white)
+        coarse(index, &series.values, lattice, sensor.quantisation, model.white_of(index))
     });
     (clipped.into_iter().chain(stuck).chain(coarse).collect(), mask)
 }

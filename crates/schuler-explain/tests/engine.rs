@@ -1879,6 +1879,60 @@ fn what_turns_back_in_a_gap_is_no_spike() {
     assert_eq!(found(&|row| row % 5 == 0, Some(700)), [(ReadingFault::Outliers, 700)]);
 }
 
+/// The digits in which a table is written are no coarse readings, wherever the case states the noise that they are fine beside, or if it states
+/// none; a step as large as that noise is one.
+#[test]
+fn digits_of_a_table_are_fine_beside_noise_that_is_stated_elsewhere() {
+    let of_loop = schuler_loop();
+    let errors = loop_noise(8951, ROWS, &of_loop);
+    let found = |step: f64, stated: bool| {
+        let values = errors.iter().map(|error| (error / step).round() * step).collect();
+        let kind = (SensorKind::InsVelocity, Unit::MetrePerSecond);
+        let velocity = common::series("v", kind, [1.0, 0.0, 0.0], Nominal::default(), values);
+        let mut recording = common::recording(MotionKind::VelocityError, vec![velocity]);
+        let velocity_white = if stated { of_loop.velocity_white } else { 0.0 };
+        recording.case.schuler_loop = Some(SchulerLoop { velocity_white, ..of_loop });
+        let model = Model::new(&recording, &[]).unwrap();
+        faults(&recording, &model).found.iter().any(|fault| fault.fault == ReadingFault::Quantised)
+    };
+    for stated in [true, false] {
+        assert!(!found(1e-3, stated), "{stated}");
+        assert!(found(0.2, stated), "{stated}");
+    }
+}
+
+/// Velocities over the Earth need no attitude of the body: their axes are then north, east and down, which a note says.
+#[test]
+fn velocities_over_the_earth_are_compared_without_an_attitude() {
+    let mut random = Pcg64::seed_from_u64(8952);
+    let wave = |period: f64| -> Vec<f64> {
+        (0..ROWS).map(|row| 10.0 * (std::f64::consts::TAU * row as f64 / period).sin()).collect()
+    };
+    let velocity = [wave(300.0), wave(410.0), wave(170.0)];
+    let mut read = |axis: usize| -> Vec<f64> {
+        let error: Vec<f64> = (0..ROWS).map(|_| StandardNormal.sample(&mut random)).collect();
+        let scale = if axis == 1 { 1.002 } else { 1.0 };
+        velocity[axis].iter().zip(error).map(|(velocity, error)| scale * velocity + 0.03 * error).collect()
+    };
+    let kind = (SensorKind::GnssVelocity, Unit::MetrePerSecond);
+    let nominal = || Nominal { white: 0.03, ..Nominal::default() };
+    let sensors = [("north", [1.0, 0.0, 0.0]), ("east", [0.0, 1.0, 0.0]), ("down", [0.0, 0.0, 1.0])];
+    let sensors: Vec<_> = (sensors.into_iter().enumerate())
+        .map(|(axis, (id, direction))| common::series(id, kind, direction, nominal(), read(axis)))
+        .collect();
+    let mut recording = common::recording(MotionKind::Recorded, sensors);
+    recording.motion.velocity_ned = Some(velocity.clone());
+    let answer = explain(&recording, &Options::default()).unwrap();
+    let said: Vec<(&str, &str)> =
+        answer.findings.iter().map(|finding| (finding.sensor.as_str(), finding.effect.as_str())).collect();
+    assert_eq!(said, [("east", "scale_factor")], "{:?}", answer.findings);
+    assert!(
+        answer.notes.iter().any(|note| note.contains("taken as north, east, down")),
+        "{:?}",
+        answer.notes
+    );
+}
+
 /// A spike of a sensor that nothing acts on is at no limit, though any input is its largest.
 #[test]
 fn a_spike_without_an_input_is_no_limit() {

@@ -96,8 +96,12 @@ impl BodyMotion {
             if recording.case.motion.kind == MotionKind::VelocityError {
                 // A channel of an inertial system lies level and points along its axis.
                 motion.velocity = velocity_ned.or_else(|| speed_along_channel(recording, time_s));
-            } else if let Some([north, down]) = levelled(recording, time_s, &motion) {
-                (motion.north, motion.down) = (Some(north), Some(down));
+            } else {
+                if let Some([north, down]) = levelled(recording, time_s, &motion) {
+                    (motion.north, motion.down) = (Some(north), Some(down));
+                }
+                // Of sensors that are resolved over the Earth: no others are predicted.
+                motion.velocity = velocity_ned;
             }
             return motion.with_angular_acceleration(time_s);
         };

@@ -109,13 +109,23 @@ fn moving(recording: &Recording, sensor: &Sensor) -> Result<Vec<f64>, Unpredicta
             ))
         }
         Dimension::Velocity => {
-            let (velocity, attitude) = (velocity.ok_or(Unpredictable::Velocity)?, attitude?);
+            let velocity = velocity.ok_or(Unpredictable::Velocity)?;
+            if motion.attitude_rad.is_none() && is_resolved_over_earth(sensor.kind) {
+                return Ok(along(&axis, velocity));
+            }
+            let attitude = attitude?;
             let body = columns(recording.len(), |row| {
                 Some(rotation(vector(attitude, row)?).inverse() * vector(velocity, row)?)
             });
             Ok(along(&axis, &body))
         }
     }
+}
+
+/// Whether a sensor measures velocity over the Earth and not along an axis of the body: where no attitude is recorded, its axis is one of
+/// north, east and down.
+pub fn is_resolved_over_earth(kind: SensorKind) -> bool {
+    matches!(kind, SensorKind::GnssVelocity | SensorKind::InsVelocity)
 }
 
 fn axis_of(sensor: &Sensor) -> Result<Unit<Vector3<f64>>, Unpredictable> {
