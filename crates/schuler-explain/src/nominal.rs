@@ -238,13 +238,10 @@ impl Model {
 
     /// White noise of a sensor's output, SI, as the case states it; by the residuals where it states none.
     pub fn white_of(&self, sensor: usize) -> f64 {
-        let source = self.source_of(sensor, Port::Output).map(|index| (index, &self.sources[index]));
-        let by_differences =
-            |index| self.block_of_source(index).map(|at| self.blocks[at].white_by_differences());
-        source.map_or(0.0, |(index, source)| {
-            let stated = source.nominal.white;
-            if stated > 0.0 || !source.unknown { stated } else { by_differences(index).unwrap_or(stated) }
-        })
+        let stated =
+            self.source_of(sensor, Port::Output).map_or(0.0, |source| self.sources[source].nominal.white);
+        let by_differences = || self.block_of(sensor).map(|block| self.blocks[block].white_by_differences());
+        if stated > 0.0 { stated } else { by_differences().unwrap_or_default() }
     }
 
     /// What the readings of a block tell beside its residuals, if they are redundant.

@@ -1899,6 +1899,21 @@ fn digits_of_a_table_are_fine_beside_noise_that_is_stated_elsewhere() {
         assert!(!found(1e-3, stated), "{stated}");
         assert!(found(0.2, stated), "{stated}");
     }
+    // A gyro of which Markov noise alone is stated.
+    let noise = markov(&mut Pcg64::seed_from_u64(8953), ROWS, 1e-6, 300.0);
+    let found = |step: f64| {
+        let values = noise.iter().map(|error| (error / step).round() * step).collect();
+        let stated = Some(Markov { sigma: 1e-6, tau_s: 300.0 });
+        let nominal = Nominal { markov: stated, ..Nominal::default() };
+        let kind = (SensorKind::Fog, Unit::RadianPerSecond);
+        let mut gyro = common::series("g", kind, [1.0, 0.0, 0.0], nominal, values);
+        gyro.sensor.relative = true;
+        let recording = common::recording(MotionKind::Static, vec![gyro]);
+        let model = Model::new(&recording, &[]).unwrap();
+        faults(&recording, &model).found.iter().any(|fault| fault.fault == ReadingFault::Quantised)
+    };
+    assert!(!found(1e-9));
+    assert!(found(5e-7));
 }
 
 /// Velocities over the Earth need no attitude of the body: their axes are then north, east and down, which a note says.
