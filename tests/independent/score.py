@@ -96,6 +96,19 @@ def matches(finding, effect):
     return bool(named & (right | {tuple(pair) for pair in effect.get("also_at", [])}))
 
 
+def assigned(findings, effects):
+    """The finding of each effect, by their places. Of several, one that names the effect itself before one that has it in its class."""
+    found = {}
+    by_name = lambda finding, effect: (finding["sensor"], finding["effect"]) == (effect["sensor"], effect["effect"])
+    for match in (by_name, matches) if len(effects) > 1 else (matches,):
+        for number, effect in enumerate(effects):
+            free = (i for i, f in enumerate(findings) if i not in found.values() and match(f, effect))
+            place = None if number in found else next(free, None)
+            if place is not None:
+                found[number] = place
+    return found
+
+
 def deviations(finding, effect):
     """(name, error over sigma) of the parameters that answer and finding both give, where the finding's name is right."""
     if (finding["sensor"], finding["effect"]) != (effect["sensor"], effect["effect"]):
@@ -174,20 +187,21 @@ def main():
             outside.append(f"{label} {answer['effects'][0]['effect']}: {verdict}: {brief(findings)}")
             continue
         family, taken = answer["family"], set()
-        for effect in answer["effects"]:
-            found = [i for i, f in enumerate(findings) if i not in taken and matches(f, effect)]
+        finding_of = assigned(findings, answer["effects"])
+        for number, effect in enumerate(answer["effects"]):
+            found = finding_of.get(number)
             # Of one effect alone, the first finding has to be it.
-            hit = bool(found) and (len(answer["effects"]) > 1 or found[0] == 0)
+            hit = found is not None and (len(answer["effects"]) > 1 or found == 0)
             if effect["gain_nats"] >= LEAST_GAIN:
                 right[family][1] += 1
                 right[family][0] += hit
                 if not hit:
                     print(f"MISS   {label}: {effect['sensor']} {effect['effect']} {effect['gain_nats']:.0f} nats "
                           f"{ {k: f'{v:.4g}' for k, v in effect['parameters'].items()} }; said: {brief(findings)}")
-            if not found:
+            if found is None:
                 continue
-            taken.add(found[0])
-            finding = findings[found[0]]
+            taken.add(found)
+            finding = findings[found]
             for name, deviation, value, truth in deviations(finding, effect):
                 parameters[family][1] += 1
                 parameters[family][0] += abs(deviation) <= 3
