@@ -1,7 +1,11 @@
 //! Why a recording does not look like its simulation: the whole way from a recording to an [`Explanation`].
+use std::borrow::Cow;
+
 use rayon::prelude::*;
 use schuler_recording::Recording;
 use schuler_recording::case::MotionKind;
+use schuler_recording::motion::predict;
+use schuler_recording::recording::SensorSeries;
 use thiserror::Error;
 
 use crate::arrays::arrays;
@@ -109,7 +113,8 @@ pub enum Error {
 /// What in the recording or the case leaves nothing to explain.
 pub fn explain(recording: &Recording, options: &Options) -> Result<Explanation, Error> {
     long_enough(recording)?;
-    let inputs = Inputs::new(recording);
+    let recording = against_constants(recording);
+    let inputs = Inputs::new(&recording);
     explain_with(&inputs, candidates(&inputs), options)
 }
 
@@ -137,7 +142,8 @@ pub fn explain_watched(
 ) -> Result<(Explanation, CaseArrays), Error> {
     long_enough(recording)?;
     watch.progress(Phase::Prepare, 0.0);
-    let inputs = Inputs::new(recording);
+    let recording = against_constants(recording);
+    let inputs = Inputs::new(&recording);
     unless_cancelled(watch)?;
     watch.progress(Phase::Prepare, 0.3);
     let candidates = candidates(&inputs);
@@ -145,6 +151,21 @@ pub fn explain_watched(
     explained(&inputs, candidates, options, watch, |case, selection, findings| {
         arrays(case, &selection.null, &selection.state, findings)
     })
+}
+
+/// The recording, in which the sensors of a body at rest whose input the case does not tell, for want of its attitude, say, are read against an
+/// unknown constant: whatever that input is, it is one.
+fn against_constants(recording: &Recording) -> Cow<'_, Recording> {
+    let is_untold = |series: &SensorSeries| predict(recording, &series.sensor).is_err();
+    let untold: Vec<bool> = recording.sensors.iter().map(is_untold).collect();
+    if recording.case.motion.kind != MotionKind::Static || !untold.contains(&true) {
+        return Cow::Borrowed(recording);
+    }
+    let mut recording = recording.clone();
+    for (series, untold) in recording.sensors.iter_mut().zip(untold) {
+        series.sensor.relative |= untold;
+    }
+    Cow::Owned(recording)
 }
 
 fn unless_cancelled(watch: &dyn Watch) -> Result<(), Error> {

@@ -280,6 +280,13 @@ impl Model {
                 "no attitude is recorded: the axes of GNSS and INS velocities are taken as north, east, down";
             self.notes.push(taken.to_owned());
         }
+        let told = recording.sensors.iter().zip(&recording.case.sensors);
+        for (series, _) in told.filter(|(series, written)| series.sensor.relative && !written.relative) {
+            let of = &series.sensor.id;
+            self.notes.push(format!(
+                "{of}: what it reads at rest is not told: it is taken for an unknown constant"
+            ));
+        }
         for (index, series) in recording.sensors.iter().enumerate() {
             let sensor = &series.sensor;
             let prediction = match predict(recording, sensor) {

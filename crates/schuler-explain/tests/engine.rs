@@ -1948,6 +1948,24 @@ fn velocities_over_the_earth_are_compared_without_an_attitude() {
     );
 }
 
+/// A body at rest of which no attitude is given has an input that nobody knows, and it is a constant: steps are found beside it, it is none.
+#[test]
+fn at_rest_an_input_that_is_not_told_is_a_constant() {
+    let mut random = Pcg64::seed_from_u64(8954);
+    let mut reading = |row: usize| {
+        let error: f64 = StandardNormal.sample(&mut random);
+        5e-5 + 1e-6 * error + if row > ROWS / 2 { 5e-7 } else { 0.0 }
+    };
+    let values = (0..ROWS).map(&mut reading).collect();
+    let kind = (SensorKind::Fog, Unit::RadianPerSecond);
+    let nominal = Nominal { white: 1e-6, ..Nominal::default() };
+    let gyro = common::series("g", kind, [1.0, 0.0, 0.0], nominal, values);
+    let answer = explain(&common::recording(MotionKind::Static, vec![gyro]), &Options::default()).unwrap();
+    let found: Vec<&str> = answer.findings.iter().map(|finding| finding.effect.as_str()).collect();
+    assert_eq!(found, ["bias_step"], "{:?}", answer.findings);
+    assert!(answer.notes.iter().any(|note| note.contains("unknown constant")), "{:?}", answer.notes);
+}
+
 /// A spike of a sensor that nothing acts on is at no limit, though any input is its largest.
 #[test]
 fn a_spike_without_an_input_is_no_limit() {
