@@ -90,6 +90,10 @@ def knows(unit):
         return False
 
 
+def names(finding, effect):
+    return (finding["sensor"], finding["effect"]) == (effect["sensor"], effect["effect"])
+
+
 def matches(finding, effect):
     named = {(finding["sensor"], effect) for effect in (finding["effect"], *finding["class"])}
     right = {(effect["sensor"], name) for name in (effect["effect"], *effect["also"])}
@@ -99,8 +103,7 @@ def matches(finding, effect):
 def assigned(findings, effects):
     """The finding of each effect, by their places. Of several, one that names the effect itself before one that has it in its class."""
     found = {}
-    by_name = lambda finding, effect: (finding["sensor"], finding["effect"]) == (effect["sensor"], effect["effect"])
-    for match in (by_name, matches) if len(effects) > 1 else (matches,):
+    for match in (names, matches) if len(effects) > 1 else (matches,):
         for number, effect in enumerate(effects):
             free = (i for i, f in enumerate(findings) if i not in found.values() and match(f, effect))
             place = None if number in found else next(free, None)
@@ -111,7 +114,7 @@ def assigned(findings, effects):
 
 def deviations(finding, effect):
     """(name, error over sigma) of the parameters that answer and finding both give, where the finding's name is right."""
-    if (finding["sensor"], finding["effect"]) != (effect["sensor"], effect["effect"]):
+    if not names(finding, effect):
         return
     for parameter in finding["parameters"]:
         name = parameter["name"]

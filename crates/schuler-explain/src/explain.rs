@@ -156,9 +156,13 @@ pub fn explain_watched(
 /// The recording, in which the sensors of a body at rest whose input the case does not tell, for want of its attitude, say, are read against an
 /// unknown constant: whatever that input is, it is one.
 fn against_constants(recording: &Recording) -> Cow<'_, Recording> {
+    // Of a body that moves a prediction is the work of the model, and not made twice.
+    if recording.case.motion.kind != MotionKind::Static {
+        return Cow::Borrowed(recording);
+    }
     let is_untold = |series: &SensorSeries| predict(recording, &series.sensor).is_err();
     let untold: Vec<bool> = recording.sensors.iter().map(is_untold).collect();
-    if recording.case.motion.kind != MotionKind::Static || !untold.contains(&true) {
+    if !untold.contains(&true) {
         return Cow::Borrowed(recording);
     }
     let mut recording = recording.clone();
@@ -570,8 +574,8 @@ fn is_spoilt(candidate: &Candidate, faults: &[Fault], model: &Model) -> bool {
     };
     let spoils = |fault: &Fault| {
         let is_brief = fault.rows.1 - fault.rows.0 < FEWEST_PILED;
-        (coarse(fault) || fault.fault == ReadingFault::Saturated && !is_brief)
-            && sensors_of(candidate).contains(&fault.sensor)
+        sensors_of(candidate).contains(&fault.sensor)
+            && (coarse(fault) || fault.fault == ReadingFault::Saturated && !is_brief)
     };
     let of_noise =
         matches!(candidate.search, Search::Noise(_) | Search::Readings(ReadingFault::IntermittentJump));

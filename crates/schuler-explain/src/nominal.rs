@@ -275,7 +275,7 @@ impl Model {
         if turns_in_place(recording) {
             self.notes.push("no velocity is recorded: the body is taken to turn where it is".to_owned());
         }
-        if are_level_and_north(recording) {
+        if compares_over_earth(recording) {
             let taken =
                 "no attitude is recorded: the axes of GNSS and INS velocities are taken as north, east, down";
             self.notes.push(taken.to_owned());
@@ -474,11 +474,9 @@ pub fn of_input(recording: &Recording, masked: &[Vec<bool>], index: usize) -> Ve
 }
 
 /// Whether velocities are compared with those over the Earth though no attitude is recorded.
-fn are_level_and_north(recording: &Recording) -> bool {
-    let motion = &recording.motion;
-    motion.attitude_rad.is_none()
-        && motion.velocity_ned.is_some()
-        && recording.sensors.iter().any(|series| is_resolved_over_earth(series.sensor.kind))
+fn compares_over_earth(recording: &Recording) -> bool {
+    let is_resolved = |series: &SensorSeries| is_resolved_over_earth(recording, &series.sensor);
+    recording.motion.velocity_ned.is_some() && recording.sensors.iter().any(is_resolved)
 }
 
 /// Whether accelerometers are predicted from an attitude alone.

@@ -110,7 +110,7 @@ fn moving(recording: &Recording, sensor: &Sensor) -> Result<Vec<f64>, Unpredicta
         }
         Dimension::Velocity => {
             let velocity = velocity.ok_or(Unpredictable::Velocity)?;
-            if motion.attitude_rad.is_none() && is_resolved_over_earth(sensor.kind) {
+            if is_resolved_over_earth(recording, sensor) {
                 return Ok(along(&axis, velocity));
             }
             let attitude = attitude?;
@@ -122,10 +122,11 @@ fn moving(recording: &Recording, sensor: &Sensor) -> Result<Vec<f64>, Unpredicta
     }
 }
 
-/// Whether a sensor measures velocity over the Earth and not along an axis of the body: where no attitude is recorded, its axis is one of
-/// north, east and down.
-pub fn is_resolved_over_earth(kind: SensorKind) -> bool {
-    matches!(kind, SensorKind::GnssVelocity | SensorKind::InsVelocity)
+/// Whether the axis of a sensor of a moving body is taken along north, east and down and not along those of the body: that of a velocity over
+/// the Earth where no attitude is recorded.
+pub fn is_resolved_over_earth(recording: &Recording, sensor: &Sensor) -> bool {
+    recording.motion.attitude_rad.is_none()
+        && matches!(sensor.kind, SensorKind::GnssVelocity | SensorKind::InsVelocity)
 }
 
 fn axis_of(sensor: &Sensor) -> Result<Unit<Vector3<f64>>, Unpredictable> {
