@@ -2,11 +2,16 @@
 //!
 //! The standard one is this command's own `explain`, run as a user runs it; another program can be given by its command line, so
 //! that any tool that writes the same answer can be judged.
+use std::io::{Read, Seek};
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::{Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use serde_json::Value;
+
+use super::engine::Engine;
+use super::processor;
 
 /// Takes the path of a case and gives the answer.
 pub type Explainer<'e> = dyn Fn(&Path) -> Result<Value> + Sync + 'e;
@@ -15,6 +20,8 @@ pub type Explainer<'e> = dyn Fn(&Path) -> Result<Value> + Sync + 'e;
 const PLACE: &str = "{case}";
 /// Exit status of an explainer that its user has stopped.
 const STOPPED: i32 = 130;
+/// How often an explainer with a limit is looked at.
+const LOOK: Duration = Duration::from_millis(20);
 
 /// The standard explainer: `schuler explain CASE --json --quiet` of this very program.
 ///
@@ -24,6 +31,20 @@ pub fn standard() -> Result<Box<Explainer<'static>>> {
     let program = std::env::current_exe().context("cannot find this program")?;
     Ok(Box::new(move |case| {
         answer_of(Command::new(&program).arg("explain").arg(case).args(["--json", "--quiet"]))
+    }))
+}
+
+/// One of the engines of this very program, ended where a case takes more than so many seconds of
+/// the processor.
+///
+/// # Errors
+/// The program does not know where it lies.
+pub fn limited(engine: Engine, limit_s: f64) -> Result<Box<Explainer<'static>>> {
+    let program = std::env::current_exe().context("cannot find this program")?;
+    Ok(Box::new(move |case| {
+        let mut command = Command::new(&program);
+        command.args(["explain", "--engine", engine.name(), "--json", "--quiet"]).arg(case);
+        answer_within(&mut command, limit_s)
     }))
 }
 
@@ -60,6 +81,42 @@ fn answer_of(command: &mut Command) -> Result<Value> {
     serde_json::from_slice(&output.stdout).with_context(|| format!("{name}: the answer is not JSON"))
 }
 
+/// The same, of a program that is ended at a limit of processor time. It writes to files, so that a
+/// long answer does not make it wait.
+fn answer_within(command: &mut Command, limit_s: f64) -> Result<Value> {
+    let (mut said, mut complained) = (tempfile::tempfile()?, tempfile::tempfile()?);
+    command.stdin(Stdio::null()).stdout(said.try_clone()?).stderr(complained.try_clone()?);
+    let status = wait_within(command, limit_s)?;
+    if status.code() == Some(STOPPED) {
+        bail!("stopped");
+    }
+    if !status.success() {
+        complained.rewind()?;
+        let mut text = Vec::new();
+        complained.read_to_end(&mut text)?;
+        bail!("{status}: {}", String::from_utf8_lossy(&text).lines().last().unwrap_or_default());
+    }
+    said.rewind()?;
+    serde_json::from_reader(std::io::BufReader::new(said)).context("the answer is not JSON")
+}
+
+fn wait_within(command: &mut Command, limit_s: f64) -> Result<ExitStatus> {
+    let start = Instant::now();
+    let mut child = command.spawn().context("cannot be started")?;
+    loop {
+        if let Some(status) = child.try_wait()? {
+            return Ok(status);
+        }
+        let taken_s = processor::running(child.id()).unwrap_or_else(|| start.elapsed().as_secs_f64());
+        if taken_s > limit_s {
+            child.kill()?;
+            child.wait()?;
+            bail!("ended after {limit_s} s of the processor");
+        }
+        std::thread::sleep(LOOK);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -76,5 +133,15 @@ mod tests {
         assert!(external("false").unwrap()(&path).is_err());
         assert!(external("no-such-program-here").unwrap()(&path).is_err());
         assert!(external(" ").is_err());
+    }
+
+    #[test]
+    fn a_program_without_end_is_ended() {
+        let mut busy = Command::new("sh");
+        busy.args(["-c", "while :; do :; done"]);
+        let error = answer_within(&mut busy, 0.2).unwrap_err();
+        assert!(format!("{error:#}").contains("ended after 0.2 s"), "{error:#}");
+        let mut answering = Command::new("echo");
+        assert_eq!(answer_within(answering.arg("{\"a\": 1}"), 10.0).unwrap()["a"], 1);
     }
 }

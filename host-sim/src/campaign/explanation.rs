@@ -1,8 +1,10 @@
-//! The answer `schuler-explanation/1`, as far as it is scored. Keys that are not scored are not looked at.
+//! The answers `schuler-explanation/1` and `/2`, as far as they are scored. Keys that are not scored
+//! are not looked at.
 use serde::{Deserialize, Deserializer};
 
-/// What the key `format` must say.
-pub const FORMAT: &str = "schuler-explanation/1";
+/// What the key `format` must say: names of a class by themselves, or with their sensors and
+/// probabilities.
+pub const FORMATS: [&str; 2] = ["schuler-explanation/1", "schuler-explanation/2"];
 
 /// An answer.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -49,15 +51,48 @@ pub struct Finding {
     pub sensor: String,
     /// Identifier.
     pub effect: String,
-    /// Identifiers that the data cannot tell from it.
+    /// What the data cannot tell from it.
     #[serde(default)]
-    pub class: Vec<String>,
+    pub class: Vec<Member>,
     /// When it acts, s in the recording's time.
     #[serde(default)]
     pub interval_s: Option<[f64; 2]>,
     /// Parameters.
     #[serde(default)]
     pub parameters: Vec<FoundParameter>,
+    /// How sure it is, where the answer says so in nats and as the probability of as much by
+    /// chance.
+    #[serde(default)]
+    pub evidence: Evidence,
+    /// How probable it is, where the answer says so.
+    #[serde(default)]
+    pub probability: Option<f64>,
+}
+
+/// A member of a class.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(untagged)]
+pub enum Member {
+    /// An identifier, on the finding's sensor.
+    Effect(String),
+    /// A pair of its own.
+    Pair {
+        /// Sensor, group or part of the loop.
+        sensor: String,
+        /// Identifier.
+        effect: String,
+    },
+}
+
+/// How sure a finding is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+pub struct Evidence {
+    /// Gain, nats.
+    #[serde(default)]
+    pub gain_nats: Option<f64>,
+    /// Probability of as much by chance.
+    #[serde(default)]
+    pub p_value: Option<f64>,
 }
 
 /// A parameter that was found.
@@ -125,16 +160,41 @@ impl Explanation {
     pub fn read(value: serde_json::Value) -> Result<Self, String> {
         let it: Self =
             serde_json::from_value(value).map_err(|error| format!("not an explanation: {error}"))?;
-        if it.format != FORMAT {
-            return Err(format!("found format \"{}\"; expected \"{FORMAT}\"", it.format));
+        if !FORMATS.contains(&it.format.as_str()) {
+            return Err(format!("found format \"{}\"; expected \"{}\"", it.format, FORMATS.join("\" or \"")));
         }
         Ok(it)
     }
 }
 
 impl Finding {
-    /// Its identifier and those that it cannot be told from.
-    pub fn names(&self) -> impl Iterator<Item = &str> {
-        std::iter::once(self.effect.as_str()).chain(self.class.iter().map(String::as_str))
+    /// Its sensor and identifier and those that it cannot be told from.
+    pub fn pairs(&self) -> impl Iterator<Item = [&str; 2]> {
+        let class = self.class.iter().map(|member| match member {
+            Member::Effect(effect) => [self.sensor.as_str(), effect.as_str()],
+            Member::Pair { sensor, effect } => [sensor.as_str(), effect.as_str()],
+        });
+        std::iter::once([self.sensor.as_str(), self.effect.as_str()]).chain(class)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_class_is_of_names_or_of_pairs() {
+        let of = |format: &str, class: serde_json::Value| {
+            let finding = serde_json::json!({ "sensor": "gyro", "effect": "bias_step", "class": class });
+            let answer =
+                serde_json::json!({ "format": format, "verdict": "explained", "findings": [finding] });
+            Explanation::read(answer).map(|it| it.findings[0].pairs().map(|pair| pair.join(" ")).collect())
+        };
+        let names: Vec<String> = of(FORMATS[0], serde_json::json!(["bias_warmup"])).unwrap();
+        assert_eq!(names, ["gyro bias_step", "gyro bias_warmup"]);
+        let pair =
+            serde_json::json!([{ "sensor": "accelerometer", "effect": "bias_step", "probability": 0.3 }]);
+        assert_eq!(of(FORMATS[1], pair).unwrap(), ["gyro bias_step", "accelerometer bias_step"]);
+        assert!(of("schuler-explanation/3", serde_json::json!([])).is_err());
     }
 }

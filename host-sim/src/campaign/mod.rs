@@ -11,21 +11,26 @@
 //! | [`answer`], [`seal`] | what was concealed, and its fingerprint |
 //! | [`unit_text`] | units of parameters |
 //! | [`explainer`], [`explanation`] | who looks, and what is answered |
+//! | [`engine`], [`processor`] | which engine of this program looks, and the time that it takes |
 //! | [`run`] | every case made, sealed, explained, opened, scored |
 //! | [`score`], [`summary`], [`report`] | what was found against what was concealed |
+//! | [`freeze`] | answers of an engine as data, and two engines compared case by case |
 //!
 //! The physics comes from [`crate::physics`] and [`crate::simulation`]; nothing here knows the formulas of whoever looks for the
 //! effects, only their identifiers.
 pub mod answer;
 pub mod draw;
 pub mod effect;
+pub mod engine;
 pub mod explainer;
 pub mod explanation;
 pub mod files;
+pub mod freeze;
 pub mod likelihood;
 pub mod maker;
 pub mod oracle;
 pub mod plan;
+pub mod processor;
 pub mod report;
 pub mod run;
 pub mod score;

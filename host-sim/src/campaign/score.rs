@@ -213,13 +213,14 @@ fn names(finding: &Finding, effect: &Effect) -> bool {
 }
 
 fn names_in_class(finding: &Finding, effect: &Effect) -> bool {
-    finding.names().any(|name| effect.is(&finding.sensor, name))
+    finding.pairs().any(|[sensor, name]| effect.is(sensor, name))
 }
 
 fn tolerated(answer: &Answer, finding: &Finding) -> bool {
     answer.tolerated.iter().any(|pair| {
-        pair.sensor == finding.sensor
-            && (pair.effect == "*" || finding.names().any(|name| name == pair.effect))
+        finding.pairs().any(|[sensor, name]| {
+            pair.sensor == sensor && (name == pair.effect || (pair.effect == "*" && sensor == finding.sensor))
+        })
     })
 }
 

@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::Failure;
 use super::session::Session;
+use super::{Failure, freeze};
 use crate::campaign::files::Files;
 use crate::campaign::maker::{self, Unmade};
 use crate::campaign::plan::{Plan, PlanFile};
@@ -37,10 +37,13 @@ Examples:
 
 /// What to do.
 #[derive(Debug, clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(after_help = EXAMPLES, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub(super) struct Arguments {
+    #[command(subcommand)]
+    action: Option<Action>,
     /// Plan file.
-    plan: PathBuf,
+    #[arg(required = true)]
+    plan: Option<PathBuf>,
     /// Seed instead of the plan's or a fresh one.
     #[arg(long)]
     seed: Option<u64>,
@@ -59,6 +62,15 @@ pub(super) struct Arguments {
     /// Another program that explains a case, by its command line; {case} stands for the case's path.
     #[arg(long, value_name = "COMMAND")]
     explainer: Option<String>,
+}
+
+/// What else is done with campaigns.
+#[derive(Debug, clap::Subcommand)]
+enum Action {
+    /// Keep the answers of an engine to a set of cases as data.
+    Freeze(freeze::Arguments),
+    /// Compare what two engines made of the same cases.
+    Compare(freeze::Compared),
 }
 
 #[derive(Serialize)]
@@ -81,7 +93,16 @@ struct Answer {
 }
 
 pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failure> {
-    let file = Plan::read(&arguments.plan)?;
+    match (&arguments.action, &arguments.plan) {
+        (Some(Action::Freeze(arguments)), _) => freeze::run(arguments, session),
+        (Some(Action::Compare(arguments)), _) => freeze::compared(arguments, session),
+        (None, Some(plan)) => run_plan(arguments, plan, session),
+        (None, None) => Err(Failure::Other(anyhow::anyhow!("found no plan; expected a plan file"))),
+    }
+}
+
+fn run_plan(arguments: &Arguments, plan: &Path, session: &Session) -> Result<(), Failure> {
+    let file = Plan::read(plan)?;
     Session::warn(&file.warnings.iter().map(|w| format!("{}: {w}", file.path.display())).collect::<Vec<_>>());
     let cases: Vec<usize> =
         if arguments.only.is_empty() { (0..file.plan.cases()).collect() } else { arguments.only.clone() };
@@ -203,7 +224,7 @@ fn unmade(error: Unmade) -> Failure {
     }
 }
 
-fn ended(error: Ended) -> Failure {
+pub(super) fn ended(error: Ended) -> Failure {
     match error {
         Ended::Stopped(stopped) => Failure::Stopped(stopped),
         Ended::File(error) => Failure::Input(error),

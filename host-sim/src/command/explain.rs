@@ -14,6 +14,7 @@ use super::Failure;
 use super::fly::write_json;
 use super::memory::{self, Need};
 use super::session::Session;
+use crate::campaign::engine::Engine;
 use crate::flight;
 use crate::flight::sensors::Place;
 use crate::output::{self, Interrupted};
@@ -60,6 +61,9 @@ pub(super) struct Arguments {
     /// Probability that anything is found in a record with nothing left out.
     #[arg(long, value_name = "PROBABILITY", default_value_t = Options::default().level)]
     level: f64,
+    /// Engine; for comparisons of the one that is being made with the one in use.
+    #[arg(long, value_enum, default_value_t, hide = true)]
+    engine: Engine,
     /// Write the block by which the flight module compensates what was found.
     #[arg(long, value_name = "BLOCK")]
     compensation: Option<PathBuf>,
@@ -80,7 +84,9 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
     let recording = memory::recording(CaseFile::read(&arguments.case)?, NEED, session)?;
     let progress = session.phases();
     let options = Options { level: arguments.level, ..Options::default() };
-    let explained = explain_watched(&recording, &options, &progress);
+    let explained = match arguments.engine {
+        Engine::First => explain_watched(&recording, &options, &progress),
+    };
     let (explanation, arrays) = explained.map_err(|error| match error {
         explain::Error::Cancelled => Failure::Stopped(Interrupted),
         error => Error::one(&arguments.case, Problem::of_file(error.to_string())).into(),

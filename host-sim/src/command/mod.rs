@@ -7,6 +7,7 @@
 //! | `identify` | a case → noise of each sensor |
 //! | `explain` | a case → what its simulation leaves out |
 //! | `campaign` | many cases with concealed effects, scored |
+//! | `campaign freeze`, `campaign compare` | answers of an engine as data, and two engines compared |
 //! | `convert` | a table, or a case with its table → another format |
 //! | `calibrate` | a calibration run → coefficients, what was observable, compensation file |
 //! | `compare-isolation` | every way of isolating a gyro against the optimum |
@@ -26,6 +27,7 @@ mod demo;
 mod explain;
 mod figures;
 mod fly;
+mod freeze;
 mod identify;
 mod man;
 mod memory;
