@@ -13,6 +13,10 @@ STANDARD_GRAVITY = 9.80665
 # Descriptions whose scores differ by less are not told apart, and a parameter that gains less is not seen.
 ALIKE_NATS = 6.0
 LEAST_NATS = 6.0
+# Sensors of the pump testbed: column and unit.
+SKAB = {"vibration_1": ("Accelerometer1RMS", "g"), "vibration_2": ("Accelerometer2RMS", "g"), "current": ("Current", "A"),
+        "pressure": ("Pressure", "bar"), "motor_temperature": ("Temperature", "degC"), "fluid_temperature": ("Thermocouple", "degC"),
+        "voltage": ("Voltage", "V"), "flow": ("Volume Flow RateRMS", "l/min")}
 
 
 def cross_with_axes(v):

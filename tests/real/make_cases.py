@@ -41,7 +41,7 @@ def pairs(table):
 
 
 def write(name, title, table, step_s, motion, sensors, site=None, auxiliaries=()):
-    """`sensors`: dictionaries of the keys of a sensor, `nominal` among them."""
+    """`sensors`: dictionaries of the keys of a sensor, `nominal` among them where the noise is known."""
     folder = (FOLDER / name).parent
     folder.mkdir(parents=True, exist_ok=True)
     stem = Path(name).name
@@ -51,9 +51,13 @@ def write(name, title, table, step_s, motion, sensors, site=None, auxiliaries=()
     if site:
         text += "\n[site]\n" + pairs(site)
     text += "\n[motion]\n" + pairs(motion)
+    if any("predicted" in sensor for sensor in sensors):
+        text += "\n[simulation]\n" + pairs({"clock": "same"})
     for sensor in sensors:
-        nominal = sensor.pop("nominal")
-        text += "\n[[sensor]]\n" + pairs(sensor) + "[sensor.nominal]\n" + pairs(nominal)
+        nominal = sensor.pop("nominal", None)
+        text += "\n[[sensor]]\n" + pairs(sensor)
+        if nominal:
+            text += "[sensor.nominal]\n" + pairs(nominal)
     for auxiliary in auxiliaries:
         text += "\n[[aux]]\n" + pairs(auxiliary)
     (folder / f"{stem}.toml").write_text(text)
