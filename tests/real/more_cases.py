@@ -146,7 +146,8 @@ def testbed():
 
 
 def pendulum():
-    """The motor's torque against the authors' model without friction: inertia 0.139625 kg m^2, m g l of 0.6755 kg at 0.5 m."""
+    """The motor's torque against the authors' model without friction: inertia 0.139625 kg m^2, m g l of 0.6755 kg at 0.5 m
+    (their sp_parameters_openloop.yaml)."""
     gravity_torque = 0.6755 * 9.81 * 0.5
     held = read("dfki_pendulum/gravity_compensation_measured").iloc[::10]
     swing = pd.read_csv(DATA / "dfki_pendulum/data_measured.csv")

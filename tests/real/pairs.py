@@ -64,6 +64,17 @@ def pendulum(report, folder):
                   f"{integral(table.torque.to_numpy()).std():.4f} N m s. The torque has peaks of {table.torque.abs().max():.0f} N m that the motion does not show")
 
 
+def delay_of(time, reference, values):
+    """The delay of least residual, in steps of 5 ms and a parabola through the best and its neighbours."""
+    delays, squares = np.arange(-0.06, 0.0605, 0.005), []
+    for delay in delays:
+        X = np.column_stack([np.ones(len(time)), shifted(reference, time, delay)])[10:-10]
+        squares.append(np.linalg.lstsq(X, values[10:-10], rcond=None)[1][0])
+    j = int(np.clip(np.argmin(squares), 1, len(delays) - 2))
+    a, b, c = squares[j - 1 : j + 2]
+    return delays[j] + 0.5 * (a - c) / (a - 2 * b + c) * 0.005
+
+
 def pelican(report, folder):
     case, table = "qrsim_pelican/rotation", pd.read_csv(folder / "qrsim_pelican/rotation.csv")
     time = table.t_s.to_numpy()
@@ -72,22 +83,16 @@ def pelican(report, folder):
     rate = (attitude[:-2].inv() * attitude[2:]).as_rotvec() / (time[2:] - time[:-2])[:, None]
     gyros, middle = table[["gx", "gy", "gz"]].to_numpy()[1:-1], time[1:-1]
     for k, name in enumerate(["gx", "gy", "gz"]):
-        delays = np.arange(-0.06, 0.0605, 0.005)
-        squares = []
-        for delay in delays:
-            X = np.column_stack([np.ones(len(middle)), shifted(rate, middle, delay)])[10:-10]
-            squares.append(np.linalg.lstsq(X, gyros[10:-10, k], rcond=None)[1][0])
-        j = int(np.clip(np.argmin(squares), 1, len(delays) - 2))
-        a, b, c = squares[j - 1 : j + 2]
-        delay = delays[j] + 0.5 * (a - c) / (a - 2 * b + c) * 0.005
+        halves = [delay_of(middle[rows], rate[rows], gyros[rows, k]) for rows in np.array_split(np.arange(len(middle)), 2)]
+        delay, spread = np.mean(halves), max(abs(halves[1] - halves[0]) / 2, 5e-4)
         X = np.column_stack([np.ones(len(middle)), shifted(rate, middle, delay)])[10:-10]
         coefficients, sigmas = least_squares(X, gyros[10:-10, k])
         left = np.std(gyros[10:-10, k] - X @ coefficients)
-        report.estimate(case, name, "time_delay", "delay_s", delay, 0.002, "s")
+        report.estimate(case, name, "time_delay", "delay_s", delay, spread, "s")
         report.estimate(case, name, "scale_factor", "coefficient", 1e6 * (coefficients[1 + k] - 1), 1e6 * sigmas[1 + k], "ppm")
         report.allow(case, name, "time_delay", "bandwidth_lag", "scale_factor", "misalignment", "bias_constant", "angular_acceleration",
                      "scale_factor_cubic", "scale_factor_odd_quadratic", *NOISE)
-        report.remark(case, f"{name}: late by {1e3 * delay:.1f} ms against the attitude's rate, slope {coefficients[1 + k]:.4f} ± "
+        report.remark(case, f"{name}: late by {1e3 * delay:.1f} ± {1e3 * spread:.1f} ms against the attitude's rate, slope {coefficients[1 + k]:.4f} ± "
                       f"{sigmas[1 + k]:.4f}, left {left:.3f} of {gyros[:, k].std():.3f} rad/s")
     report.allow(case, "imu", "time_delay", "bandwidth_lag", "scale_factor", "misalignment")
 
