@@ -1,5 +1,6 @@
 //! Freezing from end to end, as a user runs it: a record that is stopped goes on, and two engines
 //! are compared.
+use std::fmt::Write;
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -84,7 +85,7 @@ fn cases_of_others_are_judged_by_what_they_say() {
             random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             let noise = f64::from(random >> 8) / f64::from(1 << 24) - 0.5;
             let jump = if k < 300 { 0.0 } else { 1.0 };
-            table += &format!("{k},{}\n", 0.1 * noise + jump);
+            writeln!(table, "{k},{}", 0.1 * noise + jump).unwrap();
         }
         std::fs::write(place.join("recording.csv"), table).unwrap();
         let case = "format = \"schuler-case/1\"\ntitle = \"Gyro\"\n\
