@@ -2,8 +2,8 @@
 //!
 //! A deserialiser stops at the first mistake and knows neither the line of a missing key nor what a misspelt one
 //! was meant to be. Here the reader asks a [`Node`] for the keys it knows; every mistake is collected with line,
-//! path and expectation, and what nobody asked for is either a misspelling of a known key (a problem, with the
-//! suggestion) or something unknown (a warning: additions to a format are optional keys).
+//! path and expectation. What nobody asked for is a problem, too, with a suggestion where it is near to a known key; read
+//! leniently ([`Leniency`]), it is ignored with a warning.
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -13,6 +13,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use crate::error::{Error, Problem};
+use crate::leniency::Leniency;
 
 /// How alike two words must be (Damerau–Levenshtein, 1 = equal) for one to be called a misspelling of the other.
 const ALIKE: f64 = 0.7;
@@ -24,7 +25,7 @@ const ALIKE_BEGINNING: f64 = 0.9;
 pub struct Parsed<T> {
     /// What was read.
     pub value: T,
-    /// Keys that the reader does not know, one line each.
+    /// What the user should be told, keys that were ignored among it, one line each.
     pub warnings: Vec<String>,
     /// Line of every field that was asked for.
     pub lines: Lines,
@@ -44,13 +45,26 @@ impl Lines {
 /// Reads `text`, the content of `file`, with `read`, which returns `None` only after a problem was reported.
 ///
 /// # Errors
-/// Everything that is wrong with the document: syntax, missing or misspelt keys, types, values.
+/// Everything that is wrong with the document: syntax, missing, unknown or misspelt keys, types, values.
 pub fn parse<T>(
     file: &Path,
     text: &str,
     read: impl FnOnce(&Node<'_>) -> Option<T>,
 ) -> Result<Parsed<T>, Error> {
-    let sink = Sink { line_starts: line_starts(text), ..Sink::default() };
+    parse_with(file, text, Leniency::Strict, read)
+}
+
+/// Reads `text` as [`parse`], or leniently: unknown keys are ignored, with a warning each.
+///
+/// # Errors
+/// As [`parse`].
+pub fn parse_with<T>(
+    file: &Path,
+    text: &str,
+    leniency: Leniency,
+    read: impl FnOnce(&Node<'_>) -> Option<T>,
+) -> Result<Parsed<T>, Error> {
+    let sink = Sink { line_starts: line_starts(text), leniency, ..Sink::default() };
     let (document, syntax) = DeTable::parse_recoverable(text);
     if !syntax.is_empty() {
         let problems = syntax.iter().map(|error| {
@@ -73,6 +87,7 @@ pub fn parse<T>(
 #[derive(Default)]
 struct Sink {
     line_starts: Vec<usize>,
+    leniency: Leniency,
     problems: RefCell<Vec<Problem>>,
     warnings: RefCell<Vec<String>>,
     lines: RefCell<BTreeMap<String, usize>>,
@@ -188,11 +203,16 @@ impl<'d> Node<'d> {
             let path = self.path_of(name);
             let line = self.sink.line(&key.span());
             let absent = known().filter(|&known| !self.table.contains_key(known));
-            if let Some(meant) = suggestion(name, absent) {
-                explained.push(meant);
-                self.sink.problem(line, &path, format!("unknown key; did you mean `{meant}`?"));
+            let meant = suggestion(name, absent);
+            let hint = meant.map(|meant| format!("; did you mean `{meant}`?")).unwrap_or_default();
+            if self.sink.leniency.is_lenient() {
+                self.sink.warn(line, &path, &format!("unknown key, ignored{hint}"));
+            } else if meant.is_some() {
+                explained.extend(meant);
+                self.sink.problem(line, &path, format!("unknown key{hint}"));
             } else {
-                self.sink.warn(line, &path, "unknown key, ignored");
+                let known = known().collect::<Vec<_>>().join(", ");
+                self.sink.problem(line, &path, format!("unknown key; expected one of {known}"));
             }
         }
         for (key, missing) in asked.iter() {
@@ -384,7 +404,11 @@ mod tests {
     use super::*;
 
     fn read(text: &str) -> Result<Parsed<(f64, Option<f64>)>, Error> {
-        parse(Path::new("d.toml"), text, |node| {
+        read_with(text, Leniency::Strict)
+    }
+
+    fn read_with(text: &str, leniency: Leniency) -> Result<Parsed<(f64, Option<f64>)>, Error> {
+        parse_with(Path::new("d.toml"), text, leniency, |node| {
             let step = node.required("step_s", "seconds")?.number_where("a positive number", |n| n > 0.0);
             let noise = node.optional("noise").map(|field| {
                 field.table(|node| node.optional("sigma").and_then(|field| field.number()).or(Some(0.0)))
@@ -408,9 +432,23 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_key_is_a_warning() {
-        let parsed = read("step_s = 1.0\nauthor = \"me\"\n").unwrap();
-        assert_eq!(parsed.warnings, ["line 2: author: unknown key, ignored"]);
+    fn an_unknown_key_is_a_problem_unless_read_leniently() {
+        let text = "step_s = 1.0\nauthor = \"me\"\n[noise]\nsigam = 2.0\n[noise.more]\n";
+        let error = format!("{:#}", read(text).unwrap_err());
+        let said: Vec<&str> = error.lines().collect();
+        assert_eq!(said[0], "d.toml:2: author: unknown key; expected one of step_s, noise");
+        assert_eq!(said[1], "d.toml:4: noise.sigam: unknown key; did you mean `sigma`?");
+        assert!(said[2].starts_with("d.toml:5: noise.more: unknown key"), "{error}");
+        let parsed = read_with(text, Leniency::Lenient).unwrap();
+        assert_eq!(parsed.value, (1.0, Some(0.0)));
+        assert_eq!(
+            parsed.warnings,
+            [
+                "line 5: noise.more: unknown key, ignored",
+                "line 4: noise.sigam: unknown key, ignored; did you mean `sigma`?",
+                "line 2: author: unknown key, ignored",
+            ]
+        );
     }
 
     #[test]

@@ -1,4 +1,5 @@
 //! What is wrong with a file, and where: the file, the line, the field, and what was expected there.
+use std::borrow::Cow;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -58,18 +59,42 @@ impl Error {
     }
 
     fn write_problem(&self, f: &mut fmt::Formatter<'_>, problem: &Problem) -> fmt::Result {
-        write!(f, "{}", self.file.display())?;
+        let one_line = |text: &str| plain(text).replace('\n', "\\n");
+        write!(f, "{}", one_line(&self.file.display().to_string()))?;
         if let Some(line) = problem.line {
             write!(f, ":{line}")?;
         }
         if !problem.field.is_empty() {
-            write!(f, ": {}", problem.field)?;
+            write!(f, ": {}", one_line(&problem.field))?;
         }
-        write!(f, ": {}", problem.message)
+        write!(f, ": {}", one_line(&problem.message))
     }
 }
 
+/// The text without characters that a terminal takes for commands or that turn the direction of writing: each is written as its
+/// number, `\u{1b}`. Line feeds and tabs stay.
+pub fn plain(text: &str) -> Cow<'_, str> {
+    if !text.contains(is_control) {
+        return Cow::Borrowed(text);
+    }
+    let escaped = |plain: String, c: char| {
+        if is_control(c) {
+            plain + &c.escape_unicode().to_string()
+        } else {
+            plain + c.encode_utf8(&mut [0; 4])
+        }
+    };
+    Cow::Owned(text.chars().fold(String::with_capacity(text.len()), escaped))
+}
+
+/// Whether a character commands a terminal or turns the direction of writing, line feeds and tabs excepted.
+pub fn is_control(c: char) -> bool {
+    let turns = matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    c.is_control() && !matches!(c, '\n' | '\t') || turns || matches!(c, '\u{2028}' | '\u{2029}')
+}
+
 impl fmt::Display for Error {
+    /// Without control characters, whatever the file holds or is called.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut problems = self.problems.iter();
         if let Some(first) = problems.next() {
@@ -90,6 +115,17 @@ impl fmt::Display for Error {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn control_characters_are_written_as_numbers() {
+        assert_eq!(plain("gyro_ä\t陀螺\n"), "gyro_ä\t陀螺\n");
+        assert_eq!(
+            plain("\u{1b}[31m\u{9b}\u{7}\r\u{202e}\0"),
+            "\\u{1b}[31m\\u{9b}\\u{7}\\u{d}\\u{202e}\\u{0}"
+        );
+        let error = Error::one("\u{1b}]0;a\n.toml", Problem::new(Some(1), "\u{1b}[2J", "found \u{7}"));
+        assert_eq!(error.to_string(), "\\u{1b}]0;a\\n.toml:1: \\u{1b}[2J: found \\u{7}");
+    }
 
     #[test]
     fn one_line_names_file_line_field_and_expectation() {

@@ -8,6 +8,8 @@
 //! | [`recording`] | case and table together: arrays in SI units on the nominal step grid, gaps marked |
 //! | [`motion`] | Earth rate, gravity and attitude; the ideal sensor's output for the recorded or static motion |
 //! | [`document`] | a TOML document read field by field, with every mistake named by file, line, field and expectation |
+//! | [`file`] | opening a file for reading, and how much of one is read as a whole |
+//! | [`leniency`] | whether what cannot be understood is an error or left out and counted |
 //! | [`error`] | what is wrong with a file, and where |
 //!
 //! Everything past [`recording`] is in SI units and radians (temperature in °C by convention); nothing else
@@ -40,6 +42,8 @@
 pub mod case;
 pub mod document;
 pub mod error;
+pub mod file;
+pub mod leniency;
 pub mod motion;
 pub mod recording;
 pub mod table;
@@ -47,4 +51,5 @@ pub mod unit;
 
 pub use case::{Case, CaseFile};
 pub use error::{Error, Problem};
+pub use leniency::Leniency;
 pub use recording::Recording;

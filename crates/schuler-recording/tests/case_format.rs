@@ -5,7 +5,7 @@ use schuler_recording::case::{
     Attitude, ExponentialCosine, Markov, MotionKind, Nominal, Quantity, SensorKind, Site, TemperatureBias,
 };
 use schuler_recording::unit::Unit;
-use schuler_recording::{Case, CaseFile, Error};
+use schuler_recording::{Case, CaseFile, Error, Leniency};
 
 /// The format's own example, with every key that it shows.
 const FULL: &str = r#"
@@ -258,11 +258,13 @@ fn all_mistakes_are_reported_at_once() {
 }
 
 #[test]
-fn unknown_keys_and_long_axes_are_warnings() {
+fn unknown_keys_are_mistakes_unless_read_leniently_and_long_axes_are_warnings() {
     let text = FULL
         .replace("[site]", "[weather]\nwind = 3\n[site]")
         .replace("axis   = [1.0, 0.0, 0.0]", "axis = [0, 3, 4]");
-    let file = read(&text).unwrap();
+    let said = problem(&text);
+    assert!(said.contains("weather: unknown key; expected one of format, title, recording"), "{said}");
+    let file = CaseFile::parse_with("case.toml".as_ref(), &text, Leniency::Lenient).unwrap();
     assert_eq!(file.case.sensors[0].axis, Some([0.0, 0.6, 0.8]));
     assert_eq!(file.warnings.len(), 2, "{:?}", file.warnings);
 }

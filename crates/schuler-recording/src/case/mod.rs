@@ -12,6 +12,9 @@ use std::path::{Path, PathBuf};
 use serde::{Serialize, Serializer};
 
 use crate::document::Lines;
+use crate::error::Error;
+use crate::leniency::Leniency;
+use crate::table::{self, TableReader};
 use crate::unit::{Dimension, STANDARD_GRAVITY, Unit};
 
 /// What the key `format` must say.
@@ -24,16 +27,26 @@ pub struct CaseFile {
     pub path: PathBuf,
     /// What stands in it.
     pub case: Case,
-    /// What its reader should be told: unknown keys, axes that were not of unit length.
+    /// What its reader should be told: ignored keys, axes that were not of unit length.
     pub warnings: Vec<String>,
     /// Line of each field.
     pub lines: Lines,
+    /// How it was read, and how its table is.
+    pub leniency: Leniency,
 }
 
 impl CaseFile {
     /// Path of the table: the case's, relative to the case's file.
     pub fn table_path(&self) -> PathBuf {
         self.path.parent().unwrap_or(Path::new("")).join(&self.case.recording.path)
+    }
+
+    /// Opens the table.
+    ///
+    /// # Errors
+    /// As [`table::open`].
+    pub fn open_table(&self) -> Result<Box<dyn TableReader>, Error> {
+        table::open_with(&self.table_path(), self.leniency)
     }
 }
 

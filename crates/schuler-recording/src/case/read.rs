@@ -2,11 +2,13 @@
 use std::path::Path;
 
 use super::{
-    Attitude, Auxiliary, Case, CaseFile, ExponentialCosine, FORMAT, Markov, Motion, MotionKind, Nominal,
-    Quantity, SchulerLoop, Sensor, SensorKind, Site, Source, TemperatureBias,
+    Attitude, Auxiliary, Case, CaseFile, ExponentialCosine, FORMAT, Markov, Motion, MotionKind,
+    Nominal, Quantity, SchulerLoop, Sensor, SensorKind, Site, Source, TemperatureBias,
 };
-use crate::document::{Field, Node, Parsed, parse, suggestion};
-use crate::error::{Error, Problem};
+use crate::document::{Field, Node, Parsed, parse_with, suggestion};
+use crate::error::Error;
+use crate::file;
+use crate::leniency::Leniency;
 use crate::unit::Unit;
 
 /// How far the length of an axis may be from 1 before it is worth a word.
@@ -20,15 +22,15 @@ impl CaseFile {
     /// # Errors
     /// Everything that is wrong with the file, by line and field.
     pub fn read(path: &Path) -> Result<Self, Error> {
-        let bytes = std::fs::read(path).map_err(|error| Error::io(path, "read the case", &error))?;
-        let text = std::str::from_utf8(&bytes).map_err(|error| {
-            let line = 1 + bytes.iter().take(error.valid_up_to()).filter(|&&byte| byte == b'\n').count();
-            Error::one(
-                path,
-                Problem::new(Some(line), "", "found a byte that is not UTF-8; expected a TOML file"),
-            )
-        })?;
-        Self::parse(path, text)
+        Self::read_with(path, Leniency::Strict)
+    }
+
+    /// Reads the case at `path`, and later its table, as strictly or leniently as asked.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn read_with(path: &Path, leniency: Leniency) -> Result<Self, Error> {
+        Self::parse_with(path, &file::text(path, "read the case")?, leniency)
     }
 
     /// Reads a case from `text`, the content of the file `path`.
@@ -36,8 +38,17 @@ impl CaseFile {
     /// # Errors
     /// Everything that is wrong with the text, by line and field.
     pub fn parse(path: &Path, text: &str) -> Result<Self, Error> {
-        let Parsed { value: case, warnings, lines } = parse(path, text.trim_start_matches('\u{feff}'), case)?;
-        Ok(Self { path: path.to_owned(), case, warnings, lines })
+        Self::parse_with(path, text, Leniency::Strict)
+    }
+
+    /// Reads a case from `text` as strictly or leniently as asked.
+    ///
+    /// # Errors
+    /// As [`parse`](Self::parse).
+    pub fn parse_with(path: &Path, text: &str, leniency: Leniency) -> Result<Self, Error> {
+        let text = text.trim_start_matches('\u{feff}');
+        let Parsed { value: case, warnings, lines } = parse_with(path, text, leniency, case)?;
+        Ok(Self { path: path.to_owned(), case, warnings, lines, leniency })
     }
 }
 

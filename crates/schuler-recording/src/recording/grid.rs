@@ -12,8 +12,8 @@ pub const GAP_STEPS: f64 = 1.5;
 const LEAST_MEDIAN_STEPS: f64 = 0.5;
 /// Rows whose median step is the nominal one where the case gives none; a million, so that longer tables need not be kept.
 const MEDIAN_ROWS: usize = 1 << 20;
-/// Rows that may be put in whatever the length of the table.
-const MOST_INSERTED: f64 = 1e6;
+/// Rows that may be put in whatever the length of the table: one wrong time stamp must not make gigabytes of a small file.
+const MOST_INSERTED: f64 = 2e5;
 /// Rows that may be put in for each recorded one, where that is more.
 const MOST_INSERTED_PER_ROW: f64 = 20.0;
 

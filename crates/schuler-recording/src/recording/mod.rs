@@ -11,7 +11,7 @@ use std::path::Path;
 
 use crate::case::{Auxiliary, Case, CaseFile, Sensor};
 use crate::error::Error;
-use crate::table::{self, Columns, TableReader};
+use crate::table::{Columns, TableReader};
 use crate::unit::Unit;
 
 use grid::Grid;
@@ -40,7 +40,7 @@ pub struct Recording {
     pub motion: MotionSeries,
     /// Angle of the table in a calibration run, rad; NaN = missing.
     pub table_angle: Option<Vec<f64>>,
-    /// What the user should be told: unknown keys, a row cut off, infinite values.
+    /// What the user should be told: what was left out, a row cut off, infinite values.
     pub warnings: Vec<String>,
 }
 
@@ -108,7 +108,7 @@ impl Recording {
     /// # Errors
     /// Columns that the table lacks, cells that are not numbers, times that do not increase.
     pub fn of_case(file: CaseFile) -> Result<Self, Error> {
-        let table = table::open(&file.table_path())?;
+        let table = file.open_table()?;
         Self::of_table(file, table)
     }
 
@@ -121,7 +121,7 @@ impl Recording {
     }
 
     /// Reads a case's table from where it is; `watch` is told after every few thousand rows how many rows of how many columns are kept so far,
-    /// and may stop it.
+    /// and at last how many there are with those put in for missing steps, and may stop it.
     ///
     /// # Errors
     /// As [`of_case`](Self::of_case), or what `watch` returns.
@@ -140,6 +140,8 @@ impl Recording {
         let mut grid =
             Grid::new(&file.case.recording.time, recorded_s, &columns.lines, file.case.recording.step_s)
                 .map_err(|problem| time_error(&file, problem))?;
+        // Rows are put in only if the user has the memory for them.
+        watch(grid.time_s.len(), layout.indices.len())?;
         let mut warnings = file_warnings(&file);
         warnings.append(&mut columns.warnings);
         warnings.extend(layout.infinite_warnings(&file, &columns.infinite));

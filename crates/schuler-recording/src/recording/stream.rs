@@ -27,7 +27,7 @@ impl Stream {
         file: CaseFile,
         mut look: impl FnMut(&Recording) -> Result<(), E>,
     ) -> Result<Self, E> {
-        let table = table::open(&file.table_path())?;
+        let table = file.open_table()?;
         let layout = Layout::new(&file, &*table)?;
         let mut survey = Survey::new(&file.case.recording.time, file.case.recording.step_s);
         let mut quality = vec![Quality::default(); layout.indices.len()];
@@ -86,7 +86,7 @@ impl Stream {
     /// # Errors
     /// A table that cannot be read any more. In the chunks: the same.
     pub fn chunks(&self) -> Result<impl Iterator<Item = Result<Recording, Error>> + use<'_>, Error> {
-        let table = table::open(&self.file.table_path())?;
+        let table = self.file.open_table()?;
         Ok(Chunks {
             of: self,
             rest: table.chunks(&self.layout.indices)?,

@@ -1,22 +1,29 @@
 //! Tables as comma-separated values: one header row with the names of the columns.
+//!
+//! A line is a row. Rows that differ from the header in their number of cells, quotes that do not close and cells that are no
+//! numbers are errors by line, or, leniently, left out and counted.
 use std::io::{self, BufRead, Write};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use csv::{ByteRecord, ReaderBuilder};
-
+use super::lines::{LONGEST_LINE, LineError, Lines, split};
 use super::{BUFFER_BYTES, CHUNK_ROWS, Chunks, Columns, TableReader};
 use crate::error::{Error, Problem};
+use crate::leniency::Leniency;
 
 /// How much of a bad cell is shown.
 const SHOWN_CHARACTERS: usize = 40;
+/// Bytes after which a chunk is handed on though it has not all its rows: it takes no more memory however wide the table is,
+/// and whoever reads can stop however little is found.
+const CHUNK_BYTES: u64 = 1 << 24;
 
 /// A CSV table of which the header has been read.
 pub(super) struct CsvTable {
     path: PathBuf,
     names: Vec<String>,
-    reader: csv::Reader<Box<dyn BufRead>>,
-    /// Whether lines end in CR LF, of which the parser takes the LF for the beginning of the next line.
-    crlf: bool,
+    lines: Lines,
+    separator: u8,
+    leniency: Leniency,
 }
 
 impl CsvTable {
@@ -24,49 +31,59 @@ impl CsvTable {
     ///
     /// # Errors
     /// A file that cannot be read, or whose header is not one row of names.
-    pub(super) fn new(path: &Path, mut bytes: Box<dyn BufRead>) -> Result<Self, Error> {
-        let beginning = bytes.fill_buf().map_err(|error| Error::io(path, "read the table", &error))?;
-        let first_line_end = beginning.iter().position(|&byte| byte == b'\n').unwrap_or_default();
-        let crlf = first_line_end.checked_sub(1).and_then(|at| beginning.get(at)) == Some(&b'\r');
-        let mut reader = ReaderBuilder::new()
-            .has_headers(false)
-            .flexible(true)
-            .buffer_capacity(BUFFER_BYTES)
-            .from_reader(bytes);
-        let mut header = ByteRecord::new();
-        let found = reader.read_byte_record(&mut header).map_err(|error| csv_error(path, &error))?;
-        let mut names = header
-            .iter()
-            .map(|name| {
-                let name = name.strip_prefix(b"\xef\xbb\xbf").unwrap_or(name).trim_ascii();
-                std::str::from_utf8(name).map(|name| name.trim_matches('"').to_owned())
-            })
+    pub(super) fn new(path: &Path, bytes: Box<dyn BufRead>, leniency: Leniency) -> Result<Self, Error> {
+        let lines = Lines::new(bytes).map_err(|error| Error::io(path, "read the table", &error))?;
+        let mut table = Self { path: path.to_owned(), names: Vec::new(), lines, separator: b',', leniency };
+        if !table.advance()? {
+            return Err(header_error(path, "found an empty table"));
+        }
+        let line = table.lines.line();
+        let line = line.strip_prefix(b"\xef\xbb\xbf").unwrap_or(line);
+        let mut cells = Vec::new();
+        split(line, table.separator, &mut cells)
+            .map_err(|_| header_error(path, "found a quote that does not close"))?;
+        let mut names = cells
+            .into_iter()
+            .map(|cell| std::str::from_utf8(line[cell].trim_ascii()).map(|name| name.replace("\"\"", "\"")))
             .collect::<Result<Vec<_>, _>>()
             .map_err(|_| header_error(path, "found bytes that are not UTF-8"))?;
         while names.last().is_some_and(String::is_empty) {
             names.pop();
         }
-        if !found || names.is_empty() {
+        if names.is_empty() {
             return Err(header_error(path, "found an empty table"));
         }
         if names.iter().all(|name| name.parse::<f64>().is_ok()) {
             return Err(header_error(path, "found numbers only"));
         }
-        Ok(Self { path: path.to_owned(), names, reader, crlf })
+        table.names = names;
+        Ok(table)
     }
 
-    fn bad_cell(&self, line: u64, column: usize, cell: &[u8]) -> Error {
+    /// Goes to the next line.
+    fn advance(&mut self) -> Result<bool, Error> {
+        self.lines.advance().map_err(|error| match error {
+            LineError::Io(error) => {
+                let message = format!("cannot read the table: {error}");
+                Error::one(&self.path, Problem::new(Some(self.lines.number() as usize), "", message))
+            }
+            LineError::TooLong => {
+                let found = format!("found a line of more than {} MB", LONGEST_LINE / 1_000_000);
+                self.bad_line(format!("{found}; expected a row of a table"))
+            }
+        })
+    }
+
+    fn bad_line(&self, problem: String) -> Error {
+        Error::one(&self.path, Problem::new(Some(self.lines.number() as usize), "", problem))
+    }
+
+    fn bad_cell(&self, column: usize, cell: &[u8]) -> Error {
         let name = self.names.get(column).map_or("", String::as_str);
         let cell = String::from_utf8_lossy(cell);
         let shown: String = cell.chars().take(SHOWN_CHARACTERS).collect();
         let problem = format!("found {shown:?}; expected a number, nan or nothing");
-        Error::one(&self.path, Problem::new(Some(line as usize), name, problem))
-    }
-
-    fn bad_length(&self, line: u64, cells: usize) -> Error {
-        let problem =
-            format!("found a row of {cells} cells; expected {}, as in the header", self.names.len());
-        Error::one(&self.path, Problem::new(Some(line as usize), "", problem))
+        Error::one(&self.path, Problem::new(Some(self.lines.number() as usize), name, problem))
     }
 }
 
@@ -76,8 +93,30 @@ impl TableReader for CsvTable {
     }
 
     fn chunks(self: Box<Self>, wanted: &[usize]) -> Result<Chunks, Error> {
-        let wanted = wanted.to_vec();
-        Ok(Box::new(CsvRows { table: *self, wanted, row: ByteRecord::new(), short_row: None, ended: false }))
+        Ok(Box::new(CsvRows {
+            table: *self,
+            wanted: wanted.to_vec(),
+            cells: Vec::new(),
+            short_row: None,
+            rows: Counted::default(),
+            numbers: Counted::default(),
+            ended: false,
+        }))
+    }
+}
+
+/// What was left out.
+#[derive(Default)]
+struct Counted {
+    count: u64,
+    /// What is wrong with the first.
+    first: Option<Error>,
+}
+
+impl Counted {
+    fn add(&mut self, error: impl FnOnce() -> Error) {
+        self.count += 1;
+        self.first.get_or_insert_with(error);
     }
 }
 
@@ -85,9 +124,13 @@ impl TableReader for CsvTable {
 struct CsvRows {
     table: CsvTable,
     wanted: Vec<usize>,
-    row: ByteRecord,
-    /// A short row, which is an error unless it is the last: a recorder that lost its power leaves one.
-    short_row: Option<(u64, usize)>,
+    cells: Vec<Range<usize>>,
+    /// A short row, with the number of its cells. It is an error unless it is the last: a recorder that lost its power leaves one.
+    short_row: Option<(Error, usize)>,
+    /// Rows left out, leniently.
+    rows: Counted,
+    /// Cells that are no numbers, leniently.
+    numbers: Counted,
     ended: bool,
 }
 
@@ -106,52 +149,107 @@ impl Iterator for CsvRows {
 
 impl CsvRows {
     fn chunk(&mut self) -> Result<Columns, Error> {
-        let table = &mut self.table;
         let mut columns = Columns::none(self.wanted.len());
-        while columns.rows() < CHUNK_ROWS {
-            if !table
-                .reader
-                .read_byte_record(&mut self.row)
-                .map_err(|error| csv_error(&table.path, &error))?
-            {
+        let begun = self.table.lines.taken();
+        while columns.rows() < CHUNK_ROWS && self.table.lines.taken() - begun < CHUNK_BYTES {
+            if !self.table.advance()? {
                 self.ended = true;
                 break;
             }
-            let row = &self.row;
-            let next_line = table.reader.position().line();
-            let last_line = if table.crlf { next_line } else { next_line.saturating_sub(1) };
-            let line = row.position().map_or(0, csv::Position::line).max(last_line);
-            if row.len() == 1
-                && row.get(0).is_some_and(|cell| cell.trim_ascii().is_empty())
-                && table.names.len() > 1
-            {
+            if self.table.names.len() > 1 && self.table.lines.line().trim_ascii().is_empty() {
                 continue;
             }
-            if let Some((line, cells)) = self.short_row {
-                return Err(table.bad_length(line, cells));
+            if let Some((error, _)) = self.short_row.take() {
+                self.leave_out(error)?;
             }
-            if row.len() < table.names.len() {
-                self.short_row = Some((line, row.len()));
-                continue;
+            match self.split() {
+                Ok(()) => self.row(&mut columns)?,
+                Err(Departure::Short(error, cells)) => self.short_row = Some((error, cells)),
+                Err(Departure::Other(error)) => self.leave_out(error)?,
             }
-            if row.iter().skip(table.names.len()).any(|cell| !cell.trim_ascii().is_empty()) {
-                return Err(table.bad_length(line, row.len()));
-            }
-            for (place, &column) in self.wanted.iter().enumerate() {
-                let cell = row.get(column).unwrap_or_default();
-                columns.push(place, number(cell).ok_or_else(|| table.bad_cell(line, column, cell))?);
-            }
-            columns.lines.push(line);
         }
-        if let Some((line, cells)) = self.short_row.filter(|_| self.ended) {
-            columns.warnings.push(format!(
-                "{}:{line}: the last row has {cells} of {} cells and is left out",
-                table.path.display(),
-                table.names.len()
-            ));
+        if self.ended {
+            columns.warnings = self.warnings();
         }
         Ok(columns)
     }
+
+    /// Finds the cells of the line, as many as the header has.
+    fn split(&mut self) -> Result<(), Departure> {
+        let table = &self.table;
+        let line = table.lines.line();
+        split(line, table.separator, &mut self.cells).map_err(|_| {
+            let problem = "found a quote that does not close; expected none, or two around a cell";
+            Departure::Other(table.bad_line(problem.to_owned()))
+        })?;
+        let (found, expected) = (self.cells.len(), table.names.len());
+        let bad_length =
+            || table.bad_line(format!("found a row of {found} cells; expected {expected}, as in the header"));
+        if found < expected {
+            return Err(Departure::Short(bad_length(), found));
+        }
+        let empty = |cell: &Range<usize>| line[cell.clone()].trim_ascii().is_empty();
+        if self.cells.iter().skip(expected).all(empty) { Ok(()) } else { Err(Departure::Other(bad_length())) }
+    }
+
+    /// Takes the numbers of the row.
+    fn row(&mut self, columns: &mut Columns) -> Result<(), Error> {
+        let table = &self.table;
+        let line = table.lines.line();
+        let lenient = table.leniency.is_lenient();
+        for (place, &column) in self.wanted.iter().enumerate() {
+            let cell = self.cells.get(column).map_or(&[][..], |cell| &line[cell.clone()]);
+            let value = match number(cell) {
+                Some(value) => value,
+                None if !lenient => return Err(table.bad_cell(column, cell)),
+                // The first column is the time, without which a row has no place.
+                None if place == 0 => {
+                    self.rows.add(|| table.bad_cell(column, cell));
+                    return Ok(());
+                }
+                None => {
+                    self.numbers.add(|| table.bad_cell(column, cell));
+                    f64::NAN
+                }
+            };
+            columns.push(place, value);
+        }
+        columns.lines.push(table.lines.number());
+        Ok(())
+    }
+
+    fn leave_out(&mut self, error: Error) -> Result<(), Error> {
+        if !self.table.leniency.is_lenient() {
+            return Err(error);
+        }
+        self.rows.add(|| error);
+        Ok(())
+    }
+
+    /// What the user should be told when the last row has been read.
+    fn warnings(&mut self) -> Vec<String> {
+        let path = self.table.path.display();
+        let mut warnings = Vec::new();
+        for (counted, what) in [(&self.rows, "rows are left out"), (&self.numbers, "cells are missing")] {
+            if let Some(first) = &counted.first {
+                warnings.push(format!("{path}: {} {what}; the first: {first}", counted.count));
+            }
+        }
+        if let Some((error, cells)) = &self.short_row {
+            let line = error.problems.first().and_then(|problem| problem.line).unwrap_or_default();
+            let expected = self.table.names.len();
+            warnings
+                .push(format!("{path}:{line}: the last row has {cells} of {expected} cells and is left out"));
+        }
+        warnings
+    }
+}
+
+/// Why a line is no row of the table.
+enum Departure {
+    /// It has too few cells, so many.
+    Short(Error, usize),
+    Other(Error),
 }
 
 /// The number in a cell, NaN where it is missing, `None` where there is something else.
@@ -168,15 +266,6 @@ fn header_error(path: &Path, found: &str) -> Error {
         path,
         Problem::new(Some(1), "", format!("{found}; expected a header row with the names of the columns")),
     )
-}
-
-fn csv_error(path: &Path, error: &csv::Error) -> Error {
-    let line = error.position().map(|position| position.line() as usize);
-    let message = match error.kind() {
-        csv::ErrorKind::Io(error) => format!("cannot read the table: {error}"),
-        _ => format!("cannot read the table: {error}"),
-    };
-    Error::one(path, Problem::new(line, "", message))
 }
 
 /// Writes rows beneath a header.

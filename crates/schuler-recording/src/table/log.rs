@@ -22,6 +22,8 @@ use crate::error::{Error, Problem};
 
 /// Elements of the longest array that has columns; longer ones are pictures and point clouds.
 pub(super) const LONGEST_ARRAY: usize = 64;
+/// Messages after which a chunk is handed on though it has not all its rows, so that whoever reads can stop.
+const CHUNK_MESSAGES: usize = 1 << 16;
 /// Columns that a log may have.
 pub(super) const MOST_COLUMNS: usize = 100_000;
 
@@ -199,7 +201,9 @@ impl<M: Messages> Iterator for LogRows<M> {
 
 impl<M: Messages> LogRows<M> {
     fn chunk(&mut self) -> Result<Columns, Error> {
-        while self.join.settled() < CHUNK_ROWS {
+        let mut read = 0;
+        while self.join.settled() < CHUNK_ROWS && read < CHUNK_MESSAGES {
+            read += 1;
             let Some(topic) = self.messages.next(&mut self.values)? else {
                 self.ended = true;
                 self.join.end();

@@ -12,12 +12,17 @@
 //! for, 8 bytes a value, and nothing else. MCAP and ULog hold messages of several topics at rates of their own; which
 //! of them are rows is described in [`log`].
 //!
+//! Nothing is read without a bound: a line of text of at most 64 MiB, a record of a log of at most 128 MiB, and of a log no more
+//! records than its size lets expect; what is longer is an error. A chunk ends after 16 MiB of text or 65 536 messages even if it
+//! has no rows, so that whoever reads can stop.
+//!
 //! Integers of 64 bits are rounded to the nearest double, time stamps to the double nearest to the seconds they mean:
 //! a time stamp of 1 700 000 000 123 456 789 ns is the number that `1700000000.123456789` is in a CSV file. A further
 //! format is one more [`TableReader`] and one more arm of [`open`].
 mod copy;
 mod csv;
 mod join;
+mod lines;
 pub mod log;
 mod mcap;
 mod number;
@@ -26,7 +31,6 @@ mod seconds;
 mod ulog;
 mod write;
 
-use std::fs::File;
 use std::io::{self, BufRead, BufReader, Cursor, Read, Seek};
 use std::panic::{self, AssertUnwindSafe};
 use std::path::Path;
@@ -36,6 +40,8 @@ use flate2::bufread::MultiGzDecoder;
 
 use crate::document::suggestion;
 use crate::error::{Error, Problem};
+use crate::file;
+use crate::leniency::Leniency;
 
 pub use copy::{Copied, copy};
 pub use write::{Format, TableWriter, write, write_to};
@@ -154,8 +160,16 @@ impl<T: Read + Seek> Bytestream for T {}
 /// # Errors
 /// A file that cannot be read, or whose columns have no names.
 pub fn open(path: &Path) -> Result<Box<dyn TableReader>, Error> {
+    open_with(path, Leniency::Strict)
+}
+
+/// Opens the table at `path`, of whose rows those that depart from the format are errors or left out.
+///
+/// # Errors
+/// As [`open`].
+pub fn open_with(path: &Path, leniency: Leniency) -> Result<Box<dyn TableReader>, Error> {
     let unreadable = |error: io::Error| Error::io(path, "read the table", &error);
-    let file = File::open(path).map_err(unreadable)?;
+    let file = file::open(path, "read the table")?;
     let mut raw = BufReader::with_capacity(BUFFER_BYTES, file);
     let beginning = raw.fill_buf().map_err(unreadable)?;
     if beginning.starts_with(PARQUET_MAGIC) {
@@ -164,7 +178,7 @@ pub fn open(path: &Path) -> Result<Box<dyn TableReader>, Error> {
     if is_log(beginning) {
         return open_log(path, raw);
     }
-    open_text(path, raw)
+    open_text(path, raw, leniency)
 }
 
 /// Opens a table in memory; `path` is the name by which errors call it.
@@ -178,7 +192,7 @@ pub fn open_bytes(path: &Path, bytes: Vec<u8>) -> Result<Box<dyn TableReader>, E
     if is_log(&bytes) {
         return open_log(path, Cursor::new(bytes));
     }
-    open_text(path, Cursor::new(bytes))
+    open_text(path, Cursor::new(bytes), Leniency::Strict)
 }
 
 fn is_log(beginning: &[u8]) -> bool {
@@ -194,14 +208,18 @@ fn open_log(path: &Path, mut raw: impl BufRead + Seek + 'static) -> Result<Box<d
     })
 }
 
-fn open_text(path: &Path, mut raw: impl BufRead + 'static) -> Result<Box<dyn TableReader>, Error> {
+fn open_text(
+    path: &Path,
+    mut raw: impl BufRead + 'static,
+    leniency: Leniency,
+) -> Result<Box<dyn TableReader>, Error> {
     let beginning = raw.fill_buf().map_err(|error| Error::io(path, "read the table", &error))?;
     let bytes: Box<dyn BufRead> = if beginning.starts_with(GZIP_MAGIC) {
         Box::new(BufReader::with_capacity(BUFFER_BYTES, MultiGzDecoder::new(raw)))
     } else {
         Box::new(raw)
     };
-    Ok(Box::new(csv::CsvTable::new(path, bytes)?))
+    Ok(Box::new(csv::CsvTable::new(path, bytes, leniency)?))
 }
 
 /// Index of the column `name`, or what is wrong with asking for it.

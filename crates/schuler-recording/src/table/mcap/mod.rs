@@ -37,6 +37,10 @@ use records::Record;
 
 /// Bytes of the longest record or decompressed chunk.
 const LONGEST_RECORD: usize = 1 << 27;
+/// Records that a file may have: so many, and so many for each of its bytes. A message takes 31 bytes, so that more are no
+/// log but a decompressor kept busy: 128 MiB of empty records fit into 17 kB.
+const MOST_RECORDS: u64 = 100_000;
+const MOST_RECORDS_PER_BYTE: u64 = 64;
 /// Bytes read at a time.
 const READ_BYTES: usize = 1 << 16;
 /// The times of every topic, which are its first fields.
@@ -310,11 +314,14 @@ struct Records {
     record: Vec<u8>,
     footer: bool,
     cut_off: bool,
+    /// Records that may still follow.
+    left: u64,
 }
 
 impl Records {
     fn new(bytes: Box<dyn Bytestream>) -> Self {
-        Self { bytes, reader: LinearReader::new(), record: Vec::new(), footer: false, cut_off: false }
+        let reader = LinearReader::new();
+        Self { bytes, reader, record: Vec::new(), footer: false, cut_off: false, left: 0 }
     }
 
     fn rewind(&mut self, path: &Path) -> Result<(), Error> {
@@ -325,7 +332,10 @@ impl Records {
             .with_record_length_limit(LONGEST_RECORD);
         self.reader = LinearReader::new_with_options(options);
         (self.footer, self.cut_off) = (false, false);
-        self.bytes.seek(SeekFrom::Start(0)).map(drop).map_err(|error| Error::io(path, "read the log", &error))
+        let failed = |error: io::Error| Error::io(path, "read the log", &error);
+        let bytes = self.bytes.seek(SeekFrom::End(0)).map_err(failed)?;
+        self.left = bytes.saturating_mul(MOST_RECORDS_PER_BYTE).saturating_add(MOST_RECORDS);
+        self.bytes.seek(SeekFrom::Start(0)).map(drop).map_err(failed)
     }
 
     fn next(&mut self, path: &Path) -> Result<Option<Record<'_>>, Error> {
@@ -344,6 +354,10 @@ impl Records {
                     self.reader.notify_read(read);
                 }
                 Some(Ok(LinearReadEvent::Record { opcode, data })) => {
+                    self.left = self.left.checked_sub(1).ok_or_else(|| {
+                        let found = "cannot read the log: found more records than its size lets expect";
+                        Error::one(path, Problem::of_file(format!("{found}; the file is damaged")))
+                    })?;
                     self.footer |= opcode == op::FOOTER;
                     self.record.clear();
                     self.record.extend_from_slice(data);
