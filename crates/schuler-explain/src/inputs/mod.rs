@@ -23,7 +23,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use schuler_recording::Recording;
-use schuler_recording::case::{MotionKind, Quantity};
+use schuler_recording::case::{self, MotionKind, Quantity};
 use schuler_recording::recording::AuxiliarySeries;
 
 pub use motion::BodyMotion;
@@ -299,7 +299,8 @@ impl<'r> Inputs<'r> {
     }
 
     /// The thermometers that tell the temperature of a place: those at it; else at its group; else at another sensor
-    /// of its group; else those that sit nowhere in particular; else all but those at the electronics.
+    /// of its group; else those that sit nowhere in particular; else all but those at the electronics; else those
+    /// that only their name lets guess to be at the electronics.
     pub fn thermometers_at(&self, place: &Place) -> Vec<&Thermometer> {
         let id = &self.recording.sensors[place.sensor].sensor.id;
         let mates: Vec<&str> = (self.recording.sensors.iter())
@@ -310,13 +311,16 @@ impl<'r> Inputs<'r> {
         let near = |thermometer: &Thermometer, names: &[&str]| {
             thermometer.near.as_deref().is_some_and(|near| names.contains(&near))
         };
-        let ranks: [&dyn Fn(&Thermometer) -> bool; 6] = [
+        // Where nothing else tells the temperature, a guess from a name does not leave the place without one.
+        let guessed = |it: &Thermometer| it.near.is_none() && at_electronics(it);
+        let ranks: [&dyn Fn(&Thermometer) -> bool; 7] = [
             &|thermometer| near(thermometer, &[place.name.as_str()]) || nominal == Some(&*thermometer.column),
             &|thermometer| near(thermometer, &[id]),
             &|thermometer| near(thermometer, &[place.group.as_deref().unwrap_or_default()]),
             &|thermometer| near(thermometer, &mates),
             &|thermometer| thermometer.near.is_none() && !at_electronics(thermometer),
             &|thermometer| !at_electronics(thermometer),
+            &guessed,
         ];
         ranks
             .iter()
@@ -522,12 +526,7 @@ fn beyond_steps(values: &[f64], readings: &[f64]) -> bool {
     range(values) >= (AUXILIARY_STEPS - 1e-6) * step || (changes as f64) < SWITCHED * values.len() as f64
 }
 
-/// Whether a thermometer's name or place says that it is at the electronics.
+/// Whether a thermometer is at the electronics, as the case states or, where it states nothing, its name lets guess.
 fn at_electronics(thermometer: &Thermometer) -> bool {
-    let says = |text: &str| {
-        let text = text.to_lowercase();
-        ["elec", "board", "pcb"].iter().any(|word| text.contains(word))
-            || text.split(|letter: char| !letter.is_alphanumeric()).any(|word| word == "el")
-    };
-    says(&thermometer.column) || thermometer.near.as_deref().is_some_and(says)
+    case::at_electronics(&thermometer.column, thermometer.near.as_deref())
 }

@@ -317,12 +317,54 @@ pub struct Auxiliary {
     pub quantity: Quantity,
     /// Its unit.
     pub unit: String,
-    /// The sensor or group it sits at.
+    /// The sensor or group it sits at, or [`ELECTRONICS`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub near: Option<String>,
     /// Where it sits in body axes, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub position_m: Option<[f64; 3]>,
+}
+
+/// What `near` says of a thermometer that is at the electronics and at no sensor.
+pub const ELECTRONICS: &str = "electronics";
+/// Words of a column's name from which it is guessed that a thermometer is at the electronics.
+const WORDS_FOR_ELECTRONICS: [&str; 6] = ["electronics", "electronic", "elec", "el", "board", "pcb"];
+
+impl Auxiliary {
+    /// Whether it is at the electronics: stated by `near`, or, where nothing is stated, guessed from a whole word of the
+    /// column's name.
+    pub fn at_electronics(&self) -> bool {
+        at_electronics(&self.column, self.near.as_deref())
+    }
+
+    /// Whether [`at_electronics`](Self::at_electronics) is a guess.
+    pub fn is_guessed_at_electronics(&self) -> bool {
+        self.near.is_none() && self.at_electronics()
+    }
+}
+
+/// [`Auxiliary::at_electronics`] of a column that is near something.
+pub fn at_electronics(column: &str, near: Option<&str>) -> bool {
+    match near {
+        Some(near) => near == ELECTRONICS,
+        None => words(column).any(|word| WORDS_FOR_ELECTRONICS.contains(&word.as_str())),
+    }
+}
+
+/// The words of a name, which letters are, between other characters and before capitals: `boardTemp` has two.
+fn words(name: &str) -> impl Iterator<Item = String> {
+    let mut words = vec![String::new()];
+    let mut before = None;
+    for c in name.chars() {
+        if !c.is_alphabetic() || c.is_uppercase() && before.is_some_and(char::is_lowercase) {
+            words.push(String::new());
+        }
+        if let Some(word) = words.last_mut().filter(|_| c.is_alphabetic()) {
+            word.extend(c.to_lowercase());
+        }
+        before = Some(c);
+    }
+    words.into_iter().filter(|word| !word.is_empty())
 }
 
 /// What an auxiliary column holds.
@@ -445,3 +487,30 @@ macro_rules! named_in_the_file {
 }
 
 named_in_the_file!(MotionKind, SensorKind, Quantity);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_is_a_guess_of_whole_words_where_nothing_is_stated() {
+        for column in ["T_board", "temperature_electronics", "boardTemp", "pcb", "t.el.1", "ELEC_T", "board2"]
+        {
+            assert!(at_electronics(column, None), "{column}");
+            assert!(!at_electronics(column, Some("gyro_x")), "{column}");
+        }
+        for column in [
+            "temperature_starboard",
+            "elevation",
+            "accel_temp",
+            "T_select",
+            "delta",
+            "keyboard",
+            "outboard_T",
+            "",
+        ] {
+            assert!(!at_electronics(column, None), "{column}");
+            assert!(at_electronics(column, Some("electronics")), "{column}");
+        }
+    }
+}

@@ -2,7 +2,7 @@
 use std::path::Path;
 
 use super::{
-    Attitude, Auxiliary, Case, CaseFile, ExponentialCosine, FORMAT, Markov, Motion, MotionKind,
+    Attitude, Auxiliary, Case, CaseFile, ELECTRONICS, ExponentialCosine, FORMAT, Markov, Motion, MotionKind,
     Nominal, Quantity, SchulerLoop, Sensor, SensorKind, Site, Source, TemperatureBias,
 };
 use crate::document::{Field, Node, Parsed, parse_with, suggestion};
@@ -103,9 +103,15 @@ fn agrees_with_itself(node: &Node<'_>, case: Case) -> Option<Case> {
         )
         .collect();
     for (index, auxiliary) in case.auxiliaries.iter().enumerate() {
-        let Some(near) = auxiliary.near.as_deref().filter(|near| !places.contains(near)) else { continue };
+        if auxiliary.quantity == Quantity::Temperature && auxiliary.is_guessed_at_electronics() {
+            let said = "taken by its name for a temperature of the electronics; state near = \"electronics\", or the \
+                        id or group of a sensor";
+            node.warn_at(&format!("aux[{index}].column"), said);
+        }
+        let known = |near: &str| places.contains(&near) || near == ELECTRONICS;
+        let Some(near) = auxiliary.near.as_deref().filter(|near| !known(near)) else { continue };
         let path = format!("aux[{index}].near");
-        let found = format!("found \"{near}\"; expected the id or group of a sensor");
+        let found = format!("found \"{near}\"; expected the id or group of a sensor, or \"{ELECTRONICS}\"");
         match suggestion(near, places.iter().copied()) {
             Some(meant) => return node.problem_at(&path, &format!("{found}; did you mean \"{meant}\"?")),
             None => node.warn_at(&path, &found),
