@@ -282,7 +282,7 @@ pub fn truth_beside(case: &Path) -> Result<Option<Vec<TrueElement>>, Error> {
     if !path.exists() {
         return Ok(None);
     }
-    let text = std::fs::read_to_string(&path).map_err(|error| Error::io(&path, "read the truth", &error))?;
+    let text = schuler_recording::file::text(&path, "read the truth")?;
     let rows = text.lines().skip(1).enumerate().map(|(row, line)| {
         let mut cells = line.split(',');
         let name = cells.next().unwrap_or_default().to_owned();

@@ -17,8 +17,8 @@ use std::path::Path;
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
-use schuler_recording::Error;
-use schuler_recording::document::{Field, Node, Parsed, parse};
+use schuler_recording::document::{Field, Node, Parsed, parse_with};
+use schuler_recording::{Error, Leniency};
 
 use super::{CalibrationTable, ErrorCoefficients, Programme, TriadErrors};
 
@@ -71,7 +71,15 @@ impl CalibrationScenario {
     /// # Errors
     /// Everything that is wrong with the text, by line and field.
     pub fn parse(path: &Path, text: &str) -> Result<(Self, Vec<String>), Error> {
-        let Parsed { value, warnings, .. } = parse(path, text, read)?;
+        Self::parse_with(path, text, Leniency::Strict)
+    }
+
+    /// Reads a scenario from `text` as strictly or leniently as asked.
+    ///
+    /// # Errors
+    /// As [`parse`](Self::parse).
+    pub fn parse_with(path: &Path, text: &str, leniency: Leniency) -> Result<(Self, Vec<String>), Error> {
+        let Parsed { value, warnings, .. } = parse_with(path, text, leniency, read)?;
         Ok((value, warnings))
     }
 

@@ -11,8 +11,8 @@
 //! | `[bars]` | what the results must reach; see [`Bars`] |
 use std::path::{Path, PathBuf};
 
-use schuler_recording::Error;
-use schuler_recording::document::{Node, Parsed, parse};
+use schuler_recording::document::{Node, Parsed, parse_with};
+use schuler_recording::{Error, Leniency, file};
 use serde::{Deserialize, Serialize};
 
 use super::effect::{EFFECTS, Entry, Family};
@@ -122,8 +122,16 @@ impl Plan {
     /// # Errors
     /// Everything that is wrong with the file, by line and field.
     pub fn read(path: &Path) -> Result<PlanFile, Error> {
-        let text = std::fs::read_to_string(path).map_err(|error| Error::io(path, "read the plan", &error))?;
-        let Parsed { value: plan, warnings, .. } = parse(path, &text, read)?;
+        Self::read_with(path, Leniency::Strict)
+    }
+
+    /// Reads the plan at `path` as strictly or leniently as asked.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn read_with(path: &Path, leniency: Leniency) -> Result<PlanFile, Error> {
+        let text = file::text(path, "read the plan")?;
+        let Parsed { value: plan, warnings, .. } = parse_with(path, &text, leniency, read)?;
         Ok(PlanFile { path: path.to_owned(), text, plan, warnings })
     }
 
@@ -319,7 +327,7 @@ mod tests {
     use super::*;
 
     fn plan(text: &str) -> Result<Plan, Error> {
-        parse(Path::new("p.toml"), text, read).map(|parsed| parsed.value)
+        parse_with(Path::new("p.toml"), text, Leniency::Strict, read).map(|parsed| parsed.value)
     }
 
     const SMALL: &str = "format = \"schuler-plan/1\"\n[[group]]\nname = \"a\"\ncases = 3\nfamilies = [\"thermal\"]\n[[group]]\nname = \"nothing\"\ncases = 2\n";

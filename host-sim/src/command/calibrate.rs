@@ -6,7 +6,7 @@ use schuler_explain::calibration::{
     Calibration, CalibrationError, Coefficient, CycleReport, Determination, Element, Experiment, Feature,
     ThermalPoint, Verdict, calibrate_watched,
 };
-use schuler_recording::{CaseFile, Error, Problem};
+use schuler_recording::{Error, Problem};
 use serde::Serialize;
 
 use super::Failure;
@@ -14,7 +14,7 @@ use super::fly::write_json;
 use super::memory::{self, Need};
 use super::session::Session;
 use super::text::put;
-use crate::calibration_table::recorded::{TrueElement, truth_beside};
+use crate::calibration_table::recorded::{TRUTH, TrueElement, truth_beside};
 use crate::output::{self, Interrupted};
 use crate::plot::{Colour, Figure, Format, Layer, Panel};
 
@@ -116,15 +116,16 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
 
 /// Calibrates and writes what is asked for.
 pub(super) fn made(arguments: &Arguments, session: &Session) -> Result<(Answer, Calibration), Failure> {
-    let file = CaseFile::read(&arguments.case)?;
+    let file = session.case(&arguments.case)?;
     let lines = file.lines.clone();
     let at_fault = |mut problem: Problem| {
         problem.line = problem.line.or_else(|| lines.get(&problem.field));
         Failure::from(Error::one(&arguments.case, problem))
     };
     let recording = memory::recording(file, NEED, session)?;
-    Session::warn(&recording.warnings);
+    session.warn(&recording.warnings);
     let experiment = Experiment::of_recording(&recording).map_err(at_fault)?;
+    output::protect(&arguments.case.with_file_name(TRUTH));
     let truth = truth_beside(&arguments.case)?;
     let progress = session.progress("calibrating", 1);
     let found =

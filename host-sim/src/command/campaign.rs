@@ -102,8 +102,9 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
 }
 
 fn run_plan(arguments: &Arguments, plan: &Path, session: &Session) -> Result<(), Failure> {
-    let file = Plan::read(plan)?;
-    Session::warn(&file.warnings.iter().map(|w| format!("{}: {w}", file.path.display())).collect::<Vec<_>>());
+    output::protect(plan);
+    let file = Plan::read_with(plan, session.leniency())?;
+    session.warn(&file.warnings.iter().map(|w| format!("{}: {w}", file.path.display())).collect::<Vec<_>>());
     let cases: Vec<usize> =
         if arguments.only.is_empty() { (0..file.plan.cases()).collect() } else { arguments.only.clone() };
     if let Some(unknown) = cases.iter().find(|index| **index >= file.plan.cases()) {
@@ -120,7 +121,7 @@ fn run_plan(arguments: &Arguments, plan: &Path, session: &Session) -> Result<(),
     let kept = arguments.keep.as_ref().or(arguments.out.as_ref());
     let earlier = kept.map(|directory| seed_in(directory, &file, asked)).transpose()?.flatten();
     let seed = asked.or(earlier).map_or_else(fresh_seed, Ok)?;
-    let temporary = tempfile::tempdir().map_err(|error| Failure::Other(error.into()))?;
+    let temporary = output::Scratch::new().map_err(|error| Failure::Other(error.into()))?;
     let directory = kept.map_or(temporary.path(), PathBuf::as_path);
     let explainer = match &arguments.explainer {
         Some(line) => explainer::external(line),

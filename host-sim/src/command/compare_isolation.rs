@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use clap::builder::RangedU64ValueParser;
 use schuler_core::config::ConfigError;
 use schuler_recording::unit::Dimension;
-use schuler_recording::{CaseFile, Error, Problem};
+use schuler_recording::{Error, Problem};
 use serde::Serialize;
 
 use super::Failure;
@@ -76,7 +76,7 @@ struct Answer {
 
 pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failure> {
     let (axes, sigma) = match &arguments.case {
-        Some(path) => block_of(path)?,
+        Some(path) => block_of(path, session)?,
         None => (cone(arguments.gyros), vec![1.0; arguments.gyros]),
     };
     let comparison = IsolationComparison {
@@ -113,8 +113,8 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
 }
 
 /// Axes and white noise, rad/s, of the gyros of a case.
-fn block_of(path: &std::path::Path) -> Result<(Vec<[f64; 3]>, Vec<f64>), Failure> {
-    let file = CaseFile::read(path)?;
+fn block_of(path: &std::path::Path, session: &Session) -> Result<(Vec<[f64; 3]>, Vec<f64>), Failure> {
+    let file = session.case(path)?;
     let gyros: Vec<_> =
         file.case.sensors.iter().filter(|s| s.kind.dimension() == Dimension::AngularRate).collect();
     if !BLOCK_SIZES.contains(&gyros.len()) {

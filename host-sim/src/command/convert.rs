@@ -2,7 +2,7 @@
 use std::path::{Path, PathBuf};
 
 use schuler_recording::table::{self, Copied, TableReader};
-use schuler_recording::{CaseFile, Error, Problem};
+use schuler_recording::{Error, Problem};
 use serde::Serialize;
 
 use super::Failure;
@@ -85,7 +85,7 @@ struct Answer {
 pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failure> {
     let is_case = arguments.input.extension().is_some_and(|ending| ending == CASE);
     let answer = if is_case { of_case(arguments, session)? } else { of_table(arguments, session)? };
-    Session::warn(&answer.warnings);
+    session.warn(&answer.warnings);
     session.answer(&answer, words)
 }
 
@@ -99,7 +99,8 @@ fn of_table(arguments: &Arguments, session: &Session) -> Result<Answer, Failure>
                 Problem::of_file(format!("found another ending; expected one of {endings}, or --format")),
             )
         })?;
-    let table = table::open(&arguments.input)?;
+    output::protect(&arguments.input);
+    let table = table::open_with(&arguments.input, session.leniency())?;
     let wanted = chosen(&*table, &arguments.columns)
         .map_err(|message| Error::one(&arguments.input, Problem::new(None, "--columns", message)))?;
     write(table, &wanted, path, format, arguments, session)
@@ -107,9 +108,9 @@ fn of_table(arguments: &Arguments, session: &Session) -> Result<Answer, Failure>
 
 /// Converts a case: the columns that it names, and the case with the new table's name.
 fn of_case(arguments: &Arguments, session: &Session) -> Result<Answer, Failure> {
-    let mut file = CaseFile::read(&arguments.input)?;
+    let mut file = session.case(&arguments.input)?;
     let table_path = file.table_path();
-    let table = table::open(&table_path)?;
+    let table = file.open_table()?;
     let format = arguments.format.map_or(table::Format::Parquet, table::Format::from);
     let columns = if arguments.columns.is_empty() {
         file.case.columns().into_iter().map(str::to_owned).collect()
@@ -123,11 +124,7 @@ fn of_case(arguments: &Arguments, session: &Session) -> Result<Answer, Failure> 
     let stem = stem.map_or_else(|| Path::new(&name).with_extension(""), PathBuf::from);
     let name = PathBuf::from(format!("{}{}", stem.display(), format.ending()));
     let case = arguments.output.join(file.path.file_name().unwrap_or_default());
-    let same = |a: &Path, b: &Path| a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b));
-    if same(&case, &file.path) {
-        let message = "would be replaced by the converted case; expected another directory";
-        return Err(Error::one(&case, Problem::of_file(message)).into());
-    }
+    output::check(&case)?;
     let mut answer = write(table, &wanted, &arguments.output.join(&name), format, arguments, session)?;
     answer.warnings.extend(file.warnings.iter().map(|warning| format!("{}: {warning}", file.path.display())));
     file.case.recording.path = name;
@@ -174,6 +171,7 @@ fn write(
         .then(|| [arguments.from.unwrap_or(f64::NEG_INFINITY), arguments.to.unwrap_or(f64::INFINITY)]);
     let columns = wanted.iter().filter_map(|&index| table.names().get(index).cloned()).collect();
     let waiting = session.waiting("converting");
+    output::check(path)?;
     output::make_directory_of(path)?;
     let Copied { rows, span_s, warnings, .. } = output::atomically(path, |file| {
         let copied = table::copy(table, wanted, span_s, (file, path), format, |_| {

@@ -7,7 +7,7 @@ use schuler_explain::evidence::evidence;
 use schuler_explain::explain::{self, Options, explain_watched};
 use schuler_explain::explanation::Explanation;
 use schuler_link::block;
-use schuler_recording::{CaseFile, Error, Problem, Recording};
+use schuler_recording::{Error, Problem, Recording};
 use serde::Serialize;
 
 use super::Failure;
@@ -81,7 +81,12 @@ struct Answer<'r> {
 }
 
 pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failure> {
-    let recording = memory::recording(CaseFile::read(&arguments.case)?, NEED, session)?;
+    let recording = memory::recording(session.case(&arguments.case)?, NEED, session)?;
+    session.warn(&recording.warnings);
+    // Now, and not after the work whose result it is to hold.
+    for path in arguments.report.iter().chain(&arguments.compensation) {
+        output::check(path)?;
+    }
     let progress = session.phases();
     let options = Options { level: arguments.level, ..Options::default() };
     let explained = match arguments.engine {

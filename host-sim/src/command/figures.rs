@@ -56,7 +56,7 @@ struct Answer {
 
 pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failure> {
     let out = &arguments.out;
-    let temporary = tempfile::tempdir().map_err(|error| Failure::Other(error.into()))?;
+    let temporary = crate::output::Scratch::new().map_err(|error| Failure::Other(error.into()))?;
     let mut files = Vec::new();
 
     let made = temporary.path().join("demo");

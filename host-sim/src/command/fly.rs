@@ -6,7 +6,7 @@ use schuler_core::identification::Method;
 use schuler_core::module::StepOutput;
 use schuler_link::block::{self, BlockBytes, MAX_BLOCK};
 use schuler_link::configuration;
-use schuler_recording::{CaseFile, Error, Problem, Recording};
+use schuler_recording::{Error, Problem, Recording, file};
 use serde::Serialize;
 
 use super::Failure;
@@ -18,6 +18,7 @@ use crate::flight::mission::FlightError;
 use crate::flight::{self, Channel, Flown, LoopStates, LoopTruth, On, Step, Summary, Summing, outputs};
 use crate::output;
 use crate::plot::Format;
+use crate::simulation::TRUTH;
 
 /// What its help teaches.
 const EXAMPLES: &str = "\
@@ -91,9 +92,9 @@ pub(super) struct Answer {
 pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failure> {
     let waiting = session.waiting("reading");
     let (recording, channels) =
-        flight::plan_stream(CaseFile::read(&arguments.case)?, |_| Ok::<_, Failure>(waiting.check()?))?;
+        flight::plan_stream(session.case(&arguments.case)?, |_| Ok::<_, Failure>(waiting.check()?))?;
     drop(waiting);
-    Session::warn(&recording.head().warnings);
+    session.warn(&recording.head().warnings);
     let compensation = arguments.compensation.as_deref().map(read_block).transpose()?;
     if let Some(directory) = &arguments.out {
         fs::create_dir_all(directory).map_err(|error| Error::io(directory, "make the directory", &error))?;
@@ -111,6 +112,7 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
     for mut channel in channels {
         channel.config.identification.method = arguments.identification.into();
         channel.compensation.clone_from(&compensation);
+        output::protect(&arguments.case.with_file_name(TRUTH));
         let mut truth = LoopTruth::beside(&arguments.case, &channel.name)?;
         let directory = arguments.out.as_deref();
         let mut products =
@@ -158,7 +160,7 @@ impl<'c> Products<'c> {
         formats: &'c [Format],
     ) -> Result<Self, Error> {
         let files = directory.map(|directory| {
-            let path = directory.join(format!("{}_outputs.csv.gz", channel.name));
+            let path = directory.join(format!("{}_outputs.csv.gz", output::file_name(&channel.name)));
             outputs::Writer::of(channel, &path).map(|writer| (directory, path, writer))
         });
         Ok(Self {
@@ -196,7 +198,7 @@ impl<'c> Products<'c> {
             [("configuration", configuration.ok()), ("state", flight::initial_state(self.channel).ok())];
         for (what, block) in blocks {
             if let Some(block) = block {
-                let path = directory.join(format!("{}_{what}.bin", self.channel.name));
+                let path = directory.join(format!("{}_{what}.bin", output::file_name(&self.channel.name)));
                 output::write(&path, &block)?;
                 files.push(path);
             }
@@ -210,7 +212,8 @@ impl<'c> Products<'c> {
 
 /// Reads a compensation block and checks it as the module will.
 fn read_block(path: &Path) -> Result<BlockBytes, Failure> {
-    let bytes = fs::read(path).map_err(|error| Error::io(path, "read the compensation block", &error))?;
+    output::protect(path);
+    let bytes = file::bytes(path, "read the compensation block")?;
     let block = |problem: Problem| Failure::Input(Error::one(path, problem));
     let (content, _) = block::decode(&bytes).map_err(|error| block(Problem::of_file(error.to_string())))?;
     content.validate().map_err(|error| block(Problem::new(None, error.field, error.problem.to_string())))?;

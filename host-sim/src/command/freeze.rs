@@ -82,6 +82,9 @@ pub(super) struct Compared {
 }
 
 pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failure> {
+    if let Some(plan) = &arguments.plan {
+        crate::output::protect(plan);
+    }
     let plan = arguments.plan.as_deref().map(Plan::read).transpose()?;
     let set = match (&plan, arguments.seed) {
         (Some(plan), Some(seed)) => Set::Plan { plan, seed },

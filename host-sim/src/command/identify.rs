@@ -1,7 +1,7 @@
 //! `schuler identify CASE.toml`.
 use std::path::PathBuf;
 
-use schuler_recording::{CaseFile, Error};
+use schuler_recording::Error;
 
 use super::Failure;
 use super::fly::write_json;
@@ -40,8 +40,8 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failure> {
-    let recording = memory::recording(CaseFile::read(&arguments.case)?, NEED, session)?;
-    Session::warn(&recording.warnings);
+    let recording = memory::recording(session.case(&arguments.case)?, NEED, session)?;
+    session.warn(&recording.warnings);
     let progress = session.progress("identifying", recording.sensors.len());
     let options = Options { longest_lag: arguments.lags };
     let found = identify_watched(&recording, options, |finished| progress.stride(finished))?;

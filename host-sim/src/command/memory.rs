@@ -2,7 +2,7 @@
 use std::fs;
 use std::path::Path;
 
-use schuler_recording::{CaseFile, Error, Problem, Recording, table};
+use schuler_recording::{CaseFile, Error, Problem, Recording};
 
 use super::Failure;
 use super::session::Session;
@@ -21,9 +21,10 @@ pub(super) struct Need {
 /// Reads the recording of a case for work that needs it whole.
 pub(super) fn recording(file: CaseFile, need: Need, session: &Session) -> Result<Recording, Failure> {
     let waiting = session.waiting("reading");
-    let (case, path) = (file.path.clone(), file.table_path());
+    let case = file.path.clone();
     let there = available();
-    Recording::of_table_watched(file, table::open(&path)?, |rows, columns| {
+    let table = file.open_table()?;
+    Recording::of_table_watched(file, table, |rows, columns| {
         waiting.check()?;
         let needed = rows as u64 * (need.row + need.value * columns as u64);
         there

@@ -72,6 +72,10 @@ struct Arguments {
     /// Show no progress.
     #[arg(long, short, global = true)]
     quiet: bool,
+    /// Leave out what cannot be understood (unknown keys, rows that are none, cells that are no numbers) instead of refusing it;
+    /// the answer begins with what was left out.
+    #[arg(long, global = true)]
+    lenient: bool,
     #[command(subcommand)]
     command: Command,
 }
@@ -132,7 +136,7 @@ impl Failure {
 /// Runs the command of this process's arguments.
 pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    let session = Session::new(arguments.json, arguments.quiet);
+    let session = Session::new(arguments.json, arguments.quiet, arguments.lenient);
     let done = match &arguments.command {
         Command::Simulate(arguments) => simulate::run(arguments, &session),
         Command::Fly(arguments) => fly::run(arguments, &session),
@@ -150,7 +154,7 @@ pub fn main() -> ExitCode {
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("schuler: {failure}");
+            eprintln!("schuler: {}", schuler_recording::error::plain(&failure.to_string()));
             ExitCode::from(failure.status())
         }
     }

@@ -1,10 +1,16 @@
 //! What every command shares: where results, progress and warnings go, and whether the user wants to stop.
+use std::fmt::Write;
+use std::path::Path;
+use std::sync::{Mutex, PoisonError};
+
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use schuler_explain::watch::{Phase, Watch};
+use schuler_recording::error::{is_control, plain};
+use schuler_recording::{CaseFile, Leniency};
 use serde::Serialize;
 
 use super::Failure;
-use crate::output::{Interrupt, Interrupted};
+use crate::output::{self, Interrupt, Interrupted};
 
 /// How often a bar is redrawn, Hz.
 const REDRAWS: u8 = 10;
@@ -14,28 +20,57 @@ const STRIDE: usize = 256;
 const PARTS: u64 = 1000;
 /// Exit status of a process that its user has stopped.
 const STOPPED: i32 = 130;
+/// How long a stopped run may take to end by itself.
+const GRACE: std::time::Duration = std::time::Duration::from_millis(600);
 
 /// A run of the command.
 #[derive(Debug)]
 pub(super) struct Session {
     json: bool,
     quiet: bool,
+    leniency: Leniency,
+    /// What was read leniently, which the answer begins with.
+    told: Mutex<Vec<String>>,
     interrupt: Interrupt,
 }
 
+/// An answer behind what it does not rest on.
+#[derive(Serialize)]
+struct Led<'a, T> {
+    left_out: &'a [String],
+    #[serde(flatten)]
+    answer: &'a T,
+}
+
 impl Session {
-    /// Listens to Ctrl-C from now on: the first stops the work at the next step, the second the process.
-    pub(super) fn new(json: bool, quiet: bool) -> Self {
+    /// Listens to Ctrl-C and to requests to end from now on: they stop the work at its next step, or, where that takes long,
+    /// the process.
+    pub(super) fn new(json: bool, quiet: bool, lenient: bool) -> Self {
         let interrupt = Interrupt::default();
         let heard = interrupt.clone();
-        // Without a handler Ctrl-C ends the process at once, which leaves no half-written file either.
+        // Without a handler Ctrl-C ends the process at once, which leaves drafts behind but no half-written file.
         let _ = ctrlc::set_handler(move || {
-            if heard.check().is_err() {
-                std::process::exit(STOPPED);
-            }
+            // A thread of its own runs this, so that waiting here keeps no work from ending.
             heard.request();
+            std::thread::sleep(GRACE);
+            eprintln!("schuler: {Interrupted}");
+            output::abandon(STOPPED);
         });
-        Self { json, quiet, interrupt }
+        let leniency = if lenient { Leniency::Lenient } else { Leniency::Strict };
+        Self { json, quiet, leniency, told: Mutex::default(), interrupt }
+    }
+
+    /// Reads a case. From now on nothing is written over it nor over its table.
+    pub(super) fn case(&self, path: &Path) -> Result<CaseFile, Failure> {
+        output::protect(path);
+        let file = CaseFile::read_with(path, self.leniency)?;
+        output::protect(&file.table_path());
+        Ok(file)
+    }
+
+    /// How what departs from its format is read.
+    pub(super) fn leniency(&self) -> Leniency {
+        self.leniency
     }
 
     /// A progress bar on standard error; not there with `--quiet` or where standard error is no terminal.
@@ -64,14 +99,17 @@ impl Session {
         };
         let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
         let bar = ProgressBar::with_draw_target(Some(length), target).with_style(style);
-        bar.set_message(label.to_owned());
+        bar.set_message(plain(label).replace('\n', " "));
         Progress { bar, interrupt: &self.interrupt }
     }
 
-    /// Warns, one line each, on standard error.
-    pub(super) fn warn(warnings: &[String]) {
+    /// Warns, one line each, on standard error. Where input is read leniently, the answer begins with the same.
+    pub(super) fn warn(&self, warnings: &[String]) {
         for warning in warnings {
-            eprintln!("schuler: warning: {warning}");
+            eprintln!("schuler: warning: {}", plain(warning));
+        }
+        if self.leniency.is_lenient() {
+            self.told.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(warnings);
         }
     }
 
@@ -81,14 +119,33 @@ impl Session {
         result: &T,
         text: impl FnOnce(&T) -> String,
     ) -> Result<(), Failure> {
+        let told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
         let printed = if self.json {
-            let json = serde_json::to_string_pretty(result).map_err(|error| Failure::Other(error.into()))?;
-            json + "\n"
+            let json = if told.is_empty() {
+                serde_json::to_string_pretty(result)
+            } else {
+                serde_json::to_string_pretty(&Led { left_out: &told, answer: result })
+            };
+            plain_json(&json.map_err(|error| Failure::Other(error.into()))?) + "\n"
         } else {
-            text(result)
+            let head = told.iter().map(|line| format!("Not read: {line}\n"));
+            plain(&(head.collect::<String>() + &text(result))).into_owned()
         };
         print(printed.as_bytes())
     }
+}
+
+/// A JSON document in which control characters stand as their numbers. They are within strings, where JSON has a way for that.
+fn plain_json(json: &str) -> String {
+    json.chars().fold(String::with_capacity(json.len()), |mut text, c| {
+        if is_control(c) {
+            // Writing into a string cannot fail.
+            let _ = write!(text, "\\u{:04x}", u32::from(c));
+        } else {
+            text.push(c);
+        }
+        text
+    })
 }
 
 /// Writes to standard output.

@@ -1,17 +1,18 @@
 //! `schuler simulate SCENARIO.toml --out DIR`.
 use std::path::PathBuf;
 
-use schuler_recording::Error;
+use schuler_recording::{Error, file};
 use serde::Serialize;
 
 use super::Failure;
 use super::session::Session;
+use crate::calibration_table;
 use crate::calibration_table::recorded::seconds;
 use crate::calibration_table::scenario::CalibrationScenario;
 use crate::output;
 use crate::plot::{Colour, Figure, Format, Panel};
 use crate::scenario::{Scenario, ScenarioFile};
-use crate::simulation::{self, Columns, Simulated};
+use crate::simulation::{self, CASE, Columns, RECORDING, Simulated, TRUTH};
 
 /// Panels of one figure.
 const PANELS: usize = 6;
@@ -59,13 +60,18 @@ struct Answer {
 }
 
 pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failure> {
+    output::protect(&arguments.scenario);
+    for name in [CASE, RECORDING, TRUTH, calibration_table::recorded::TRUTH, SCENARIO] {
+        output::check(&arguments.out.join(name))?;
+    }
     if let Some(answer) = calibration_run(arguments, session)? {
         return session.answer(&answer, words);
     }
-    let file = ScenarioFile::read(&arguments.scenario)?;
+    let text = file::text(&arguments.scenario, "read the scenario")?;
+    let file = ScenarioFile::parse_with(&arguments.scenario, &text, session.leniency())?;
     let warnings: Vec<String> =
         file.warnings.iter().map(|warning| format!("{}: {warning}", file.path.display())).collect();
-    Session::warn(&warnings);
+    session.warn(&warnings);
     let mut scenario = file.scenario;
     scenario.seed = arguments.seed.unwrap_or(scenario.seed);
     let simulated = simulated(&scenario, session)?;
@@ -96,14 +102,14 @@ fn words(it: &Answer) -> String {
 /// A calibration run on a table, if the scenario is one.
 fn calibration_run(arguments: &Arguments, session: &Session) -> Result<Option<Answer>, Failure> {
     let path = &arguments.scenario;
-    let text = std::fs::read_to_string(path).map_err(|error| Error::io(path, "read the scenario", &error))?;
+    let text = file::text(path, "read the scenario")?;
     if !CalibrationScenario::is_one(&text) {
         return Ok(None);
     }
-    let (mut scenario, warnings) = CalibrationScenario::parse(path, &text)?;
+    let (mut scenario, warnings) = CalibrationScenario::parse_with(path, &text, session.leniency())?;
     let warnings: Vec<String> =
         warnings.iter().map(|warning| format!("{}: {warning}", path.display())).collect();
-    Session::warn(&warnings);
+    session.warn(&warnings);
     scenario.seed = arguments.seed.unwrap_or(scenario.seed);
     let progress = session.progress("simulating", seconds(&scenario.table));
     let simulated = scenario.simulated(|second| progress.stride(second))?;

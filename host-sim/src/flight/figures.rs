@@ -8,6 +8,7 @@ use super::outputs::health_code;
 use super::summary::{Summary, normalised_innovation, was_used};
 use super::truth::LoopStates;
 use super::{Channel, Flown, Step};
+use crate::output;
 use crate::plot::envelope::Envelope;
 use crate::plot::{Colour, Figure, Layer, Panel};
 use crate::statistics::LagProducts;
@@ -161,12 +162,15 @@ impl<'c> Figures<'c> {
     /// The figures with the names of their files.
     pub fn finish(self, summary: &Summary) -> Vec<(String, Figure)> {
         let name = &self.channel.name;
+        let file_name = output::file_name(name);
         let start_s = self.start_s.unwrap_or_default();
         let mut figures = Vec::new();
         let mut put = |kind: &str, title: String, panels: Vec<Panel>| {
             if !panels.is_empty() {
-                figures
-                    .push((format!("{name}_{kind}"), Figure { title: format!("{name}: {title}"), panels }));
+                figures.push((
+                    format!("{file_name}_{kind}"),
+                    Figure { title: format!("{name}: {title}"), panels },
+                ));
             }
         };
         let finished = |drawings: Vec<Drawing>| drawings.into_iter().map(Drawing::finish);

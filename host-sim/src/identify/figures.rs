@@ -1,6 +1,7 @@
 //! The identification as figures: Allan deviation and autocorrelation of each sensor.
 
 use super::report::{Identification, SensorIdentification};
+use crate::output::file_name;
 use crate::plot::{Colour, Figure, Panel};
 
 /// One figure for each sensor, with the name of its file.
@@ -10,7 +11,10 @@ pub fn all(identification: &Identification) -> Vec<(String, Figure)> {
         .iter()
         .map(|sensor| {
             let panels = vec![allan(sensor), autocorrelation(sensor)];
-            (format!("{}_noise", sensor.id), Figure { title: format!("{}: noise", sensor.id), panels })
+            (
+                format!("{}_noise", file_name(&sensor.id)),
+                Figure { title: format!("{}: noise", sensor.id), panels },
+            )
         })
         .collect()
 }

@@ -6,6 +6,7 @@ use plotters::prelude::{
     LineSeries, PathElement, Polygon, RGBColor, Rectangle, SVGBackend, SeriesLabelPosition, WHITE,
 };
 use plotters::style::{Color, TextStyle};
+use schuler_recording::error::is_control;
 
 use super::{Colour, DrawError, Figure, Layer, Panel};
 
@@ -36,7 +37,12 @@ pub(super) fn svg(figure: &Figure) -> Result<String, DrawError> {
         }
         root.present().map_err(failed)?;
     }
-    Ok(text)
+    Ok(printable(text))
+}
+
+/// The text of a page or figure without control characters, for which XML has no place.
+pub(crate) fn printable(text: String) -> String {
+    if text.contains(is_control) { text.replace(is_control, "\u{fffd}") } else { text }
 }
 
 fn draw_panel(area: &Area<'_>, panel: &Panel) -> Result<(), DrawError> {

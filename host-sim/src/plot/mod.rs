@@ -12,6 +12,8 @@ use schuler_recording::{Error, Problem};
 
 use crate::output;
 
+pub(crate) use draw::printable;
+
 /// A figure.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Figure {
@@ -164,7 +166,8 @@ impl Figure {
         raster::png(&self.to_svg()?)
     }
 
-    /// Writes the figure into a directory under a name, in every form asked for, each file whole or not at all.
+    /// Writes the figure into a directory under a name (of which [`output::file_name`] makes that of the file), in every form
+    /// asked for, each file whole or not at all.
     ///
     /// # Errors
     /// A figure that cannot be drawn, a file that cannot be written.
@@ -175,7 +178,7 @@ impl Figure {
                 Format::Svg => ("svg", self.to_svg().map(String::into_bytes)),
                 Format::Png => ("png", self.to_png()),
             };
-            let path = directory.join(format!("{name}.{ending}"));
+            let path = directory.join(format!("{}.{ending}", output::file_name(name)));
             let bytes = bytes.map_err(|error| Error::one(&path, Problem::of_file(error.to_string())))?;
             output::write(&path, &bytes)?;
             written.push(path);

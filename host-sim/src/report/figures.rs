@@ -3,30 +3,25 @@ use schuler_explain::evidence::{Dependence, SensorEvidence};
 
 use super::Report;
 use super::number::printed_unit;
+use crate::output::file_name;
 use crate::plot::{Colour, Figure, Layer, Panel};
 
 /// Two figures for each sensor, and one for each finding against its cause.
 pub(super) fn all(report: &Report) -> Vec<(String, Figure)> {
     let mut figures = Vec::new();
-    for (index, sensor) in report.evidence.sensors.iter().enumerate() {
-        let name = file_name(&sensor.sensor, index);
+    for sensor in &report.evidence.sensors {
+        let name = file_name(&sensor.sensor);
         figures.push((format!("{name}_explained"), explained(report, sensor)));
         figures.push((format!("{name}_whiteness"), whiteness(sensor)));
         for it in &sensor.dependences {
             let effect = report.explanation.findings.get(it.finding).map_or("effect", |found| &found.effect);
             let title = format!("{}: {effect} against {}", sensor.sensor, it.cause.name);
             let figure = Figure { title, panels: vec![dependence(sensor, it)] };
-            figures.push((format!("{name}_{}_{}", it.finding + 1, file_name(effect, it.finding)), figure));
+            let effect = file_name(&effect.replace(' ', "_"));
+            figures.push((format!("{name}_{}_{effect}", it.finding + 1), figure));
         }
     }
     figures
-}
-
-/// A name for a file that leaves its directory nowhere and is never empty; two sensors may still share a column's name.
-fn file_name(id: &str, index: usize) -> String {
-    let safe = |c: char| if c.is_ascii_alphanumeric() || matches!(c, '_' | '-') { c } else { '_' };
-    let name: String = id.chars().take(64).map(safe).collect();
-    if name == id && !name.is_empty() { name } else { format!("{name}_{index}") }
 }
 
 fn explained(report: &Report, sensor: &SensorEvidence) -> Figure {
@@ -103,16 +98,4 @@ fn dependence(sensor: &SensorEvidence, it: &Dependence) -> Panel {
             Colour::Sky,
         )
         .line("effect found", &x, column(&|bin| bin.explained), Colour::Green)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_of_files_stay_in_their_directory() {
-        assert_eq!(file_name("gyro_x", 0), "gyro_x");
-        assert_eq!(file_name("../../etc/passwd", 1), "______etc_passwd_1");
-        assert_eq!(file_name("", 2), "_2");
-    }
 }

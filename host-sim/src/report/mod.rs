@@ -77,7 +77,7 @@ impl Report {
         page::html(self)
     }
 
-    /// Figures with the names of their files, none of which depends on more than letters, digits, `_`, `-` and `.`.
+    /// Figures with the names of their files.
     pub fn figures(&self) -> Vec<(String, Figure)> {
         figures::all(self)
     }

@@ -9,6 +9,7 @@ use super::Report;
 use super::charts::{self, Chart};
 use super::number::{duration, plain, printed_unit, probability};
 use super::words;
+use crate::plot::printable;
 
 const PLOT_SCRIPT: &str = include_str!("assets/uPlot.iife.min.js");
 const PLOT_STYLE: &str = include_str!("assets/uPlot.min.css");
@@ -55,7 +56,7 @@ pub(super) fn html(report: &Report) -> String {
             }
         }
     };
-    page.into_string()
+    printable(page.into_string())
 }
 
 /// JSON that cannot end the element it stands in.

@@ -47,10 +47,10 @@ mod setting;
 
 use std::path::{Path, PathBuf};
 
-use schuler_recording::Error;
 use schuler_recording::case::{Nominal, Quantity};
-use schuler_recording::document::{Node, Parsed, parse};
+use schuler_recording::document::{Node, Parsed, parse_with};
 use schuler_recording::unit::Unit;
+use schuler_recording::{Error, Leniency, file};
 
 use crate::physics::doppler::DopplerDesign;
 use crate::physics::environment::{EnvironmentDesign, Profile};
@@ -373,9 +373,7 @@ impl ScenarioFile {
     /// # Errors
     /// Everything that is wrong with the file, by line and field.
     pub fn read(path: &Path) -> Result<Self, Error> {
-        let text =
-            std::fs::read_to_string(path).map_err(|error| Error::io(path, "read the scenario", &error))?;
-        Self::parse(path, &text)
+        Self::parse(path, &file::text(path, "read the scenario")?)
     }
 
     /// Reads a scenario from `text`, the content of the file `path`.
@@ -383,7 +381,15 @@ impl ScenarioFile {
     /// # Errors
     /// Everything that is wrong with the text, by line and field.
     pub fn parse(path: &Path, text: &str) -> Result<Self, Error> {
-        let Parsed { value: scenario, warnings, .. } = parse(path, text, read)?;
+        Self::parse_with(path, text, Leniency::Strict)
+    }
+
+    /// Reads a scenario from `text` as strictly or leniently as asked.
+    ///
+    /// # Errors
+    /// As [`parse`](Self::parse).
+    pub fn parse_with(path: &Path, text: &str, leniency: Leniency) -> Result<Self, Error> {
+        let Parsed { value: scenario, warnings, .. } = parse_with(path, text, leniency, read)?;
         Ok(Self { path: path.to_owned(), text: text.to_owned(), scenario, warnings })
     }
 }

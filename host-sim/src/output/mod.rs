@@ -1,12 +1,22 @@
 //! Files that are whole or not there at all, and runs that can be stopped.
+//!
+//! Every file that is written is opened by [`Draft::of`], which knows the inputs of the run ([`protect`]) and refuses to replace
+//! one. Every name of a file that is made of what stands in a case comes from [`file_name`].
+mod draft;
+mod inputs;
+mod name;
+
 use std::fs::File;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use schuler_recording::{Case, Error, Problem, table};
-use tempfile::NamedTempFile;
+
+pub use draft::{Draft, Scratch, abandon, check};
+pub use inputs::protect;
+pub use name::file_name;
 
 /// The user has stopped the run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -32,49 +42,6 @@ impl Interrupt {
     }
 }
 
-/// A file that is being written beside the one that it is to be, with the same ending. It takes that one's place when it is
-/// kept; until then that one stays as it was, and a draft that is dropped is gone.
-#[derive(Debug)]
-pub struct Draft {
-    temporary: NamedTempFile,
-    path: PathBuf,
-}
-
-impl Draft {
-    /// Begins the file that is to be at `path`.
-    ///
-    /// # Errors
-    /// When no file can be made beside it.
-    pub fn of(path: &Path) -> Result<Self, Error> {
-        let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-        let directory = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let temporary = tempfile::Builder::new()
-            .prefix(".")
-            .suffix(&format!(".{name}"))
-            .tempfile_in(directory)
-            .map_err(|error| unwritable(path, &error))?;
-        Ok(Self { temporary, path: path.to_owned() })
-    }
-
-    /// The open file, to write to.
-    ///
-    /// # Errors
-    /// When the system has no handle left.
-    pub fn file(&self) -> Result<File, Error> {
-        self.temporary.as_file().try_clone().map_err(|error| unwritable(&self.path, &error))
-    }
-
-    /// Puts the file in its place.
-    ///
-    /// # Errors
-    /// When it cannot be put there.
-    pub fn keep(self) -> Result<(), Error> {
-        let Self { temporary, path } = self;
-        readable_by_all(temporary.path()).map_err(|error| unwritable(&path, &error))?;
-        temporary.persist(&path).map(drop).map_err(|error| unwritable(&path, &error.error))
-    }
-}
-
 /// Lets `write` write the file that is to be at `path`, and puts it there when that is done. Whatever happens before, what is
 /// at `path` stays as it was.
 ///
@@ -94,8 +61,13 @@ pub fn atomically<T, E: From<Error>>(path: &Path, write: impl FnOnce(File) -> Re
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), Error> {
     make_directory_of(path)?;
     atomically(path, |mut file| {
-        file.write_all(bytes).and_then(|()| file.sync_all()).map_err(|error| unwritable(path, &error))
+        file.write_all(bytes).and_then(|()| synced(&file)).map_err(|error| unwritable(path, &error))
     })
+}
+
+/// Waits until the bytes of a file are where a loss of power does not reach them; FIFOs and terminals have no such place.
+fn synced(file: &File) -> std::io::Result<()> {
+    if file.metadata()?.is_file() { file.sync_all() } else { Ok(()) }
 }
 
 /// Writes columns under their names as a table in the format that the name of `path` says, whole or not at all.
@@ -130,18 +102,6 @@ pub fn make_directory_of(path: &Path) -> Result<(), Error> {
     std::fs::create_dir_all(directory).map_err(|error| Error::io(directory, "make the directory", &error))
 }
 
-/// Temporary files are for their owner alone; results are not.
-#[cfg(unix)]
-fn readable_by_all(path: &Path) -> std::io::Result<()> {
-    use std::os::unix::fs::PermissionsExt;
-    std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o644))
-}
-
-#[cfg(not(unix))]
-fn readable_by_all(_path: &Path) -> std::io::Result<()> {
-    Ok(())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -160,6 +120,64 @@ mod tests {
         assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 1);
         write(&path, b"new").unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), b"new");
+    }
+
+    #[test]
+    fn an_input_is_never_replaced_under_any_of_its_names() {
+        let directory = tempfile::tempdir().unwrap();
+        let input = directory.path().join("input.csv");
+        std::fs::write(&input, "t\n1\n").unwrap();
+        std::fs::create_dir(directory.path().join("d")).unwrap();
+        protect(&input);
+        let hard = directory.path().join("hard.csv");
+        std::fs::hard_link(&input, &hard).unwrap();
+        let roundabout = directory.path().join("d/../input.csv");
+        for path in [&input, &hard, &roundabout] {
+            let said = write(path, b"new").unwrap_err().to_string();
+            assert!(said.contains("this run reads it"), "{said}");
+        }
+        #[cfg(unix)]
+        {
+            let soft = directory.path().join("soft.csv");
+            std::os::unix::fs::symlink(&input, &soft).unwrap();
+            assert!(write(&soft, b"new").is_err());
+        }
+        assert_eq!(std::fs::read(&input).unwrap(), b"t\n1\n");
+        // A file of the same name elsewhere is another one.
+        write(&directory.path().join("d/input.csv"), b"new").unwrap();
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn links_are_followed_and_modes_kept() {
+        use std::os::unix::fs::{PermissionsExt, symlink};
+        let directory = tempfile::tempdir().unwrap();
+        let at = |name: &str| directory.path().join(name);
+        let mode = |name: &str| std::fs::metadata(at(name)).unwrap().permissions().mode() & 0o7777;
+        std::fs::write(at("file"), "old").unwrap();
+        std::fs::set_permissions(at("file"), PermissionsExt::from_mode(0o640)).unwrap();
+        symlink(at("file"), at("link")).unwrap();
+        write(&at("link"), b"new").unwrap();
+        assert_eq!(std::fs::read(at("file")).unwrap(), b"new");
+        assert!(std::fs::symlink_metadata(at("link")).unwrap().is_symlink());
+        assert_eq!(mode("file"), 0o640);
+        // A new file is as open as one that any other program makes.
+        std::fs::write(at("usual"), "").unwrap();
+        write(&at("fresh"), b"").unwrap();
+        assert_eq!(mode("fresh"), mode("usual"));
+        std::fs::set_permissions(at("file"), PermissionsExt::from_mode(0o440)).unwrap();
+        assert!(write(&at("file"), b"newer").unwrap_err().to_string().contains("write-protected"));
+        symlink(at("nowhere"), at("dangling")).unwrap();
+        assert!(write(&at("dangling"), b"").is_err() && write(directory.path(), b"").is_err());
+        assert_eq!(std::fs::read(at("file")).unwrap(), b"new");
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn devices_stay_what_they_are() {
+        use std::os::unix::fs::FileTypeExt;
+        write(Path::new("/dev/null"), b"gone").unwrap();
+        assert!(std::fs::metadata("/dev/null").unwrap().file_type().is_char_device());
     }
 
     #[test]
