@@ -15,6 +15,10 @@ use crate::input::{vector, wrong};
 const NAME: &str = "case";
 /// What a table that is no file is called in messages.
 const ARRAYS: &str = "<arrays>";
+/// Lists and dictionaries within each other; a case has five.
+const DEEPEST: usize = 32;
+/// Values of a case; one of ten thousand sensors has a fifth of them.
+const MOST_VALUES: usize = 1_000_000;
 
 /// A case, and where its table is.
 pub(crate) struct Given {
@@ -104,39 +108,76 @@ fn from_dictionary(case: &Bound<'_, PyAny>, has_arrays: bool) -> PyResult<CaseFi
 }
 
 /// What would stand in a TOML file; numpy's arrays and numbers as lists and numbers, paths as strings.
+///
+/// # Errors
+/// `ValueError` for what cannot stand there, and for what is nested deeper or larger than any case: a dictionary that
+/// contains itself is endlessly deep, and one that holds a list twice that holds a list twice endlessly large.
 fn toml_of(value: &Bound<'_, PyAny>, path: &str) -> PyResult<Value> {
-    if value.is_instance_of::<PyBool>() {
-        Ok(Value::Boolean(value.extract()?))
-    } else if value.is_instance_of::<PyInt>() {
-        let too_large = |_| wrong(format!("{path}: found an integer beyond 64 bits; expected a smaller one"));
-        Ok(Value::Integer(value.extract().map_err(too_large)?))
-    } else if value.is_instance_of::<PyFloat>() {
-        Ok(Value::Float(value.extract()?))
-    } else if value.is_instance_of::<PyString>() {
-        Ok(Value::String(value.extract()?))
-    } else if let Ok(mapping) = value.cast::<PyMapping>() {
-        let mut table = toml::Table::new();
-        for item in mapping.items()? {
-            let (key, value): (Bound<'_, PyAny>, Bound<'_, PyAny>) = item.extract()?;
-            let key: String = key
-                .extract()
-                .map_err(|_| wrong(format!("{path}: found the key {key}; expected keys that are strings")))?;
-            let value = toml_of(&value, &format!("{path}.{key}"))?;
-            table.insert(key, value);
+    Conversion { depth: 0, left: MOST_VALUES }.value(value, path)
+}
+
+/// A case on its way to TOML.
+struct Conversion {
+    /// How many lists and dictionaries hold the value at hand.
+    depth: usize,
+    /// Values that may still follow.
+    left: usize,
+}
+
+impl Conversion {
+    fn value(&mut self, value: &Bound<'_, PyAny>, path: &str) -> PyResult<Value> {
+        self.left = self.left.checked_sub(1).ok_or_else(|| {
+            wrong(format!("{NAME}: found more than {MOST_VALUES} values; expected what a case holds"))
+        })?;
+        if value.is_instance_of::<PyBool>() {
+            return Ok(Value::Boolean(value.extract()?));
         }
-        Ok(Value::Table(table))
-    } else if value.is_instance_of::<PyList>() || value.is_instance_of::<PyTuple>() {
-        let items = value.try_iter()?.enumerate();
-        let items = items.map(|(index, item)| toml_of(&item?, &format!("{path}[{index}]")));
-        Ok(Value::Array(items.collect::<PyResult<_>>()?))
-    } else if value.hasattr("tolist")? {
-        toml_of(&value.call_method0("tolist")?, path)
-    } else if let Ok(file) = value.extract::<PathBuf>() {
-        Ok(Value::String(file.to_string_lossy().into_owned()))
-    } else {
-        let found = value.get_type().name()?;
-        let expected = "expected a number, a string, true or false, a list or a dictionary";
-        Err(wrong(format!("{path}: found {found}; {expected}")))
+        if value.is_instance_of::<PyInt>() {
+            let too_large =
+                |_| wrong(format!("{path}: found an integer beyond 64 bits; expected a smaller one"));
+            return Ok(Value::Integer(value.extract().map_err(too_large)?));
+        }
+        if value.is_instance_of::<PyFloat>() {
+            return Ok(Value::Float(value.extract()?));
+        }
+        if value.is_instance_of::<PyString>() {
+            return Ok(Value::String(value.extract()?));
+        }
+        if self.depth == DEEPEST {
+            let found = format!("{path}: found a value nested {DEEPEST} levels deep");
+            return Err(wrong(format!("{found}; expected what a case holds, and nothing that holds itself")));
+        }
+        self.depth += 1;
+        let converted = self.container(value, path);
+        self.depth -= 1;
+        converted
+    }
+
+    fn container(&mut self, value: &Bound<'_, PyAny>, path: &str) -> PyResult<Value> {
+        if let Ok(mapping) = value.cast::<PyMapping>() {
+            let mut table = toml::Table::new();
+            for item in mapping.items()? {
+                let (key, value): (Bound<'_, PyAny>, Bound<'_, PyAny>) = item.extract()?;
+                let key: String = key.extract().map_err(|_| {
+                    wrong(format!("{path}: found the key {key}; expected keys that are strings"))
+                })?;
+                let value = self.value(&value, &format!("{path}.{key}"))?;
+                table.insert(key, value);
+            }
+            Ok(Value::Table(table))
+        } else if value.is_instance_of::<PyList>() || value.is_instance_of::<PyTuple>() {
+            let items = value.try_iter()?.enumerate();
+            let items = items.map(|(index, item)| self.value(&item?, &format!("{path}[{index}]")));
+            Ok(Value::Array(items.collect::<PyResult<_>>()?))
+        } else if value.hasattr("tolist")? {
+            self.value(&value.call_method0("tolist")?, path)
+        } else if let Ok(file) = value.extract::<PathBuf>() {
+            Ok(Value::String(file.to_string_lossy().into_owned()))
+        } else {
+            let found = value.get_type().name()?;
+            let expected = "expected a number, a string, true or false, a list or a dictionary";
+            Err(wrong(format!("{path}: found {found}; {expected}")))
+        }
     }
 }
 

@@ -151,6 +151,62 @@ def test_cases_as_dictionaries_and_as_files(tmp_path: Path) -> None:
     assert found["sensors"][0]["id"] == "gyro_x" and len(found["sensors"][0]["autocorrelation"]["covariance"]) == 51
 
 
+def nested(levels: int, wrap: Any) -> Any:
+    value: Any = 1.0
+    for _ in range(levels):
+        value = wrap(value)
+    return value
+
+
+def endless_dictionary() -> dict[str, Any]:
+    about = case()
+    about["sensor"][0]["nominal"]["markov"] = about
+    return about
+
+
+def endless_list() -> list[Any]:
+    items: list[Any] = []
+    items.append(items)
+    return items
+
+
+def doubled(levels: int) -> Any:
+    return nested(levels, lambda value: [value, value])
+
+
+class Endless:
+    """Says of itself that it is an array, which is itself."""
+
+    def tolist(self) -> Any:
+        return self
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        endless_dictionary(),
+        endless_list(),
+        Endless(),
+        nested(100_000, lambda value: {"a": value}),
+        nested(100_000, lambda value: [value]),
+        nested(100_000, lambda value: (value,)),
+        doubled(30),
+    ],
+    ids=["dictionary", "list", "array", "deep dictionaries", "deep lists", "deep tuples", "shared lists"],
+)
+def test_what_never_ends_is_an_exception(bad: Any) -> None:
+    about = case()
+    about["title"] = bad
+    message = r"^case[^:]*: found (a value nested 32 levels deep|more than 1000000 values); expected"
+    with pytest.raises(ValueError, match=message):
+        schuler.explain(about, arrays(1))
+    if isinstance(bad, dict):
+        with pytest.raises(ValueError, match=message):
+            schuler.identify(bad, arrays(1))
+    with pytest.raises((ValueError, RecursionError)):
+        schuler.explain(case(), arrays(1) | {"gyro_x": bad})
+
+
 def test_missing_values_of_a_recording() -> None:
     columns = arrays(6)
     columns["gyro_x"][100:200] = np.nan
