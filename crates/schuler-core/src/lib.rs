@@ -9,6 +9,7 @@
 //! | [`thermal`] | temperature and its rate from quantised readings; compensation of the sensors' thermal errors |
 //! | [`health`] | whether a radio sensor's mean has shifted or its noise has grown, against an inertial one |
 //! | [`compensation`] | the inputs corrected by a loaded block of coefficients |
+//! | [`sums`] | sums of products by octave: what a day of readings says about its causes |
 //! | [`module`] | the one fixed step that strings them together |
 //!
 //! No heap, no panic, no unsafe, no loop whose length depends on the data. Inside, everything is in SI units
@@ -47,6 +48,7 @@ pub mod module;
 mod number;
 pub mod reading;
 mod saved;
+pub mod sums;
 pub mod thermal;
 
 /// How often a test repeats something. Miri, some hundred times as slow, sees the same code in a hundredth of it.

@@ -261,6 +261,12 @@ impl<T: RealField + Copy, K: Kernel<T>> ErrorFilter<T, K> {
         self.state = *state;
     }
 
+    /// What carries the state over a step.
+    #[inline]
+    pub fn model(&self) -> &K::Model {
+        &self.model
+    }
+
     /// Mean and covariance.
     #[inline]
     pub fn state(&self) -> &K {
