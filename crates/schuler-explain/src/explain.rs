@@ -155,7 +155,7 @@ pub fn explain_watched(
 
 /// The recording, in which the sensors of a body at rest whose input the case does not tell, for want of its attitude, say, are read against an
 /// unknown constant: whatever that input is, it is one.
-fn against_constants(recording: &Recording) -> Cow<'_, Recording> {
+pub(crate) fn against_constants(recording: &Recording) -> Cow<'_, Recording> {
     // Of a body that moves a prediction is the work of the model, and not made twice.
     if recording.case.motion.kind != MotionKind::Static {
         return Cow::Borrowed(recording);
@@ -177,7 +177,7 @@ fn unless_cancelled(watch: &dyn Watch) -> Result<(), Error> {
 }
 
 /// The inputs of a case need a recording of some length.
-fn long_enough(recording: &Recording) -> Result<(), Error> {
+pub(crate) fn long_enough(recording: &Recording) -> Result<(), Error> {
     let (rows, least) = (recording.len(), FEWEST_ROWS);
     if rows < least { Err(Error::TooShort { rows, least }) } else { Ok(()) }
 }
@@ -305,7 +305,7 @@ fn explained<S>(
 }
 
 /// The nominal model without the readings in `masked`, whose white levels may go with quantities.
-fn model_without(masked: &[Vec<bool>], inputs: &Inputs<'_>) -> Result<Model, Error> {
+pub(crate) fn model_without(masked: &[Vec<bool>], inputs: &Inputs<'_>) -> Result<Model, Error> {
     let mut model = Model::new(inputs.recording, masked).map_err(Error::NothingToCompare)?;
     model.goes_with(inputs.loudness());
     Ok(model)
@@ -326,7 +326,7 @@ fn prepared(
 }
 
 /// An error where the noise of a block leaves nothing to divide by.
-fn no_singular_noise(model: &Model, noises: &[Noise]) -> Result<(), Error> {
+pub(crate) fn no_singular_noise(model: &Model, noises: &[Noise]) -> Result<(), Error> {
     let Some(block) = model.blocks.iter().find(|block| block.filter(noises).is_none()) else {
         return Ok(());
     };
@@ -584,7 +584,7 @@ fn is_spoilt(candidate: &Candidate, faults: &[Fault], model: &Model) -> bool {
 
 /// Whether readings lie on a lattice because the angle whose difference they are is rounded: neighbours' errors are then
 /// opposite, while those of rounded readings are independent.
-fn is_of_angle(model: &Model, fault: &Fault) -> bool {
+pub(crate) fn is_of_angle(model: &Model, fault: &Fault) -> bool {
     let (Some(block), Some(source)) =
         (model.block_of(fault.sensor), model.source_of(fault.sensor, Port::Output))
     else {
@@ -613,7 +613,7 @@ fn is_of_angle(model: &Model, fault: &Fault) -> bool {
 ///
 /// Readings of which many are equal would otherwise let fitted noise vanish, and the likelihood grow without bound: a
 /// density at the value that is repeated has no limit, the probability of a step of the lattice has.
-fn account_for_lattices(model: &mut Model, recording: &Recording, of_angle: &[usize]) {
+pub(crate) fn account_for_lattices(model: &mut Model, recording: &Recording, of_angle: &[usize]) {
     for source in model.sources.iter_mut().filter(|source| source.port == Port::Output) {
         if of_angle.contains(&source.sensor) {
             continue;
@@ -732,7 +732,7 @@ fn acts(model: &Model, candidate: &Candidate) -> bool {
 }
 
 /// Gives sources of which the user says nothing white noise by the spread of differences, to be fitted as a nuisance.
-fn estimate_unknown(model: &mut Model) -> Vec<SourceKnob> {
+pub(crate) fn estimate_unknown(model: &mut Model) -> Vec<SourceKnob> {
     let mut nuisances = Vec::new();
     for index in 0..model.sources.len() {
         if !model.sources[index].unknown {
@@ -923,7 +923,7 @@ fn candidate_of(state: &State, item: Item) -> usize {
 }
 
 /// When it acts, to the end of the last step: from its onset or from where its signature begins.
-fn interval(case: &Case<'_>, state: &State, item: Item) -> [f64; 2] {
+pub(crate) fn interval(case: &Case<'_>, state: &State, item: Item) -> [f64; 2] {
     let end = case.time_s.last().copied().unwrap_or_default() + case.model.step_s;
     let start = match item {
         Item::Term(place) => {

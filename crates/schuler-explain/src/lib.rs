@@ -76,6 +76,7 @@ pub mod refit;
 pub mod sandwich;
 pub mod scan;
 pub mod search;
+pub mod second;
 pub mod select;
 pub mod sentence;
 pub mod smooth;

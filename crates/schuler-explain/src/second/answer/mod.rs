@@ -1,0 +1,145 @@
+//! From a recording to its explanation: calls the stages.
+//!
+//! | module | gives |
+//! | --- | --- |
+//! | [`posterior`] | how probable the items of the best description are, and what else each may be |
+//! | [`findings`] | findings with their parameters, from the exact likelihood of all rows |
+pub mod findings;
+pub mod posterior;
+
+use schuler_recording::Recording;
+
+use crate::explain::{
+    Error, account_for_lattices, against_constants, estimate_unknown, is_of_angle, long_enough, model_without,
+    no_singular_noise,
+};
+use crate::explanation::{Explanation, FORMAT, Fit, Verdict};
+use crate::hold_out::hold_out;
+use crate::inputs::Inputs;
+use crate::locate;
+use crate::nominal::Model;
+use crate::readings::{Fault, faults};
+use crate::second::bands::sums::Sums;
+use crate::second::config::Config;
+use crate::second::evidence::fit::{Bench, Description};
+use crate::second::evidence::regressor::regressors;
+use crate::second::noise::fit::SourceKnob;
+use crate::second::noise::weights::Covariances;
+use crate::second::problem::Problem;
+use crate::second::search::beam::{Beam, search};
+use crate::second::search::library::{library, whitened_again};
+use crate::second::search::moves::nothing;
+use crate::state::{Case, State};
+use crate::watch::Unwatched;
+
+/// Passes in which the record is whitened anew by the noise that was found.
+const PASSES: usize = 2;
+
+/// Explains a recording by the catalogue.
+///
+/// # Errors
+/// What in the recording or the case leaves nothing to explain.
+pub fn explain(recording: &Recording, config: &Config) -> Result<Explanation, Error> {
+    long_enough(recording)?;
+    let recording = against_constants(recording);
+    let inputs = Inputs::new(&recording);
+    let unmasked = model_without(&[], &inputs)?;
+    let mut faults = faults(&recording, &unmasked);
+    let angles: Vec<Fault> = faults.found.extract_if(.., |fault| is_of_angle(&unmasked, fault)).collect();
+    let of_angle: Vec<usize> = angles.iter().map(|fault| fault.sensor).collect();
+    let mut model =
+        if faults.found.is_empty() { unmasked.clone() } else { model_without(&faults.masked, &inputs)? };
+    account_for_lattices(&mut model, &recording, &of_angle);
+    let nuisances = estimate_unknown(&mut model);
+    no_singular_noise(&model, &model.nominal_noises())?;
+    let problem = Problem::new(&inputs, &model, config);
+    let (bench, beam) = searched(&problem, &nuisances)?;
+    told(&bench, &beam, &faults.found, &nuisances)
+}
+
+/// The sums of all blocks whitened by given noises.
+fn bench<'b>(problem: &'b Problem<'b>, noises: &[crate::noise::Noise]) -> Bench<'b> {
+    let model = problem.model;
+    let sums: Vec<Option<Sums>> =
+        model.blocks.iter().map(|block| Sums::new(block, noises, problem.config)).collect();
+    let constants = (model.constants.iter())
+        .flat_map(|column| {
+            regressors(model, &sums, std::slice::from_ref(column), crate::catalogue::Port::Output)
+        })
+        .filter(|constant| !constant.parts.is_empty())
+        .collect();
+    Bench { problem, sums, constants }
+}
+
+/// The search, again with the record whitened by what was found where that is far from what it was whitened by.
+fn searched<'b>(problem: &'b Problem<'b>, nuisances: &[SourceKnob]) -> Result<(Bench<'b>, Beam), Error> {
+    let singular = || Error::NothingToCompare("no description of the record can be computed".to_owned());
+    let noises = problem.model.nominal_noises();
+    let mut bench_now = bench(problem, &noises);
+    let start = nothing(&bench_now, &noises, nuisances).ok_or_else(singular)?;
+    let mut beam = search(&bench_now, &library(problem, &bench_now.sums), start);
+    for _ in 1..PASSES {
+        let best = &beam.descriptions[0];
+        if !is_far(&bench_now, best) {
+            break;
+        }
+        let again = bench(problem, &best.noises);
+        let start = whitened_again(&again, best);
+        let blocks: Vec<usize> = (0..again.sums.len()).filter(|&it| again.sums[it].is_some()).collect();
+        let Some(start) = again.fitted(&start, &blocks) else { break };
+        beam = search(&again, &library(problem, &again.sums), start);
+        bench_now = again;
+    }
+    Ok((bench_now, beam))
+}
+
+/// Whether the noise of a description is far from what the record was whitened by.
+fn is_far(bench: &Bench<'_>, description: &Description) -> bool {
+    let limit = bench.problem.config.whiten_again_at.ln();
+    bench.problem.model.blocks.iter().zip(&bench.sums).any(|(block, sums)| {
+        let Some(sums) = sums else { return false };
+        let width = sums.width() as f64;
+        Covariances::new(block, sums, &description.noises).is_some_and(|covariances| {
+            covariances.ln_determinant.iter().any(|value| (value / width).abs() > limit)
+        })
+    })
+}
+
+/// The explanation that the descriptions of a search tell.
+fn told(bench: &Bench<'_>, beam: &Beam, faults: &[Fault], nuisances: &[SourceKnob]) -> Result<Explanation, Error> {
+    let problem = bench.problem;
+    let (inputs, model, config) = (problem.inputs, problem.model, problem.config);
+    let case = Case::new(model, &problem.candidates, &inputs.time_s, &Unwatched);
+    let best = &beam.descriptions[0];
+    let posterior = posterior::posterior(beam, problem);
+    let null = State {
+        terms: Vec::new(),
+        noises: model.nominal_noises(),
+        changes: Vec::new(),
+        nuisances: nuisances.to_vec(),
+        log_likelihood: f64::NEG_INFINITY,
+        told_beside: 0.0,
+    };
+    let (null, _) = crate::state::refitted(&case, &null, None);
+    let state = findings::exact(&case, best);
+    let mut found = findings::findings(&case, &state, best, &posterior, config);
+    found.extend(findings::of_faults(inputs, &case, faults));
+    findings::in_order(&mut found);
+    let located = locate::locate(&case, &null, inputs);
+    let (left, remainder) = locate::left(&case, &state, inputs, &[]);
+    let verdict = match (found.is_empty(), left) {
+        (true, false) => Verdict::NoMismatch,
+        (true, true) => Verdict::Unexplained,
+        (false, false) => Verdict::Explained,
+        (false, true) => Verdict::PartlyExplained,
+    };
+    let fit = if config.hold_out { hold_out(&case, &null, &state) } else { Fit::default() };
+    let mut notes = inputs.recording.warnings.clone();
+    notes.extend(model.notes.iter().cloned());
+    Ok(Explanation { format: FORMAT, verdict, findings: found, fit, located, remainder, notes })
+}
+
+/// Whether the noise of a source is not stated.
+pub(crate) fn is_unstated(model: &Model, source: usize) -> bool {
+    model.sources[source].unknown
+}

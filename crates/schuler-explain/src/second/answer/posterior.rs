@@ -1,0 +1,80 @@
+//! How probable the items of the best description are, and what else each may be.
+//!
+//! An item stands against the descriptions that have another in its place, or none. Those that were scored are the whole;
+//! each is as probable as its evidence says.
+use crate::second::evidence::fit::Description;
+use crate::second::noise::trust::ln_sum;
+use crate::second::problem::Problem;
+use crate::second::search::beam::Beam;
+use crate::second::search::moves::{Item, items, structure};
+
+/// What an item may be.
+#[derive(Clone, Debug)]
+pub struct Posterior {
+    /// The item of the best description.
+    pub item: Item,
+    /// Probability that it or another in its place is there.
+    pub probability: f64,
+    /// The candidates that may be it, the most probable first, each with its probability given that one of them is.
+    pub class: Vec<(usize, f64)>,
+}
+
+/// The items of the best description with their probabilities.
+pub fn posterior(beam: &Beam, problem: &Problem<'_>) -> Vec<Posterior> {
+    let Some(best) = beam.descriptions.first() else { return Vec::new() };
+    let own = structure(best);
+    let scored: Vec<_> = beam.descriptions.iter().map(|it| (structure(it), it.ln_evidence)).collect();
+    let of = |item: Item| {
+        let (rest, candidate) = rest_of(best, item);
+        let mut absent: Vec<f64> = Vec::new();
+        let mut members: Vec<(usize, Vec<f64>)> = vec![(candidate, vec![best.ln_evidence])];
+        for (other, ln_evidence) in scored.iter().filter(|(other, _)| *other != own) {
+            match more_than(other, &rest) {
+                Some(None) => absent.push(*ln_evidence),
+                Some(Some(member)) => match members.iter_mut().find(|(known, _)| *known == member) {
+                    Some((_, all)) => all.push(*ln_evidence),
+                    None => members.push((member, vec![*ln_evidence])),
+                },
+                None => {}
+            }
+        }
+        let mut class: Vec<(usize, f64)> =
+            members.into_iter().map(|(member, all)| (member, ln_sum(all.iter().copied()))).collect();
+        let present = ln_sum(class.iter().map(|(_, ln)| *ln));
+        let all = ln_sum(absent.iter().copied().chain([present]));
+        for (_, ln) in &mut class {
+            *ln = (*ln - present).exp();
+        }
+        class.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        class.retain(|(_, probability)| *probability >= problem.config.least_class_probability);
+        Posterior { item, probability: (present - all).exp(), class }
+    };
+    items(best).into_iter().map(of).collect()
+}
+
+type Structure = Vec<(usize, Vec<String>)>;
+
+/// The structure of a description without an item, and the item's candidate.
+fn rest_of(description: &Description, item: Item) -> (Structure, usize) {
+    let mut less = description.clone();
+    let candidate = match item {
+        Item::Placed(place) => less.placed.remove(place).term.candidate,
+        Item::Change(place) => less.changes.remove(place).candidate,
+    };
+    (structure(&less), candidate)
+}
+
+/// What a structure has beside another of which it has all: nothing, or one candidate. None if it lacks anything or has
+/// more.
+fn more_than(structure: &Structure, rest: &Structure) -> Option<Option<usize>> {
+    let mut others = structure.clone();
+    for (candidate, _) in rest {
+        let at = others.iter().position(|(other, _)| other == candidate)?;
+        others.remove(at);
+    }
+    match others.as_slice() {
+        [] => Some(None),
+        [(candidate, _)] => Some(Some(*candidate)),
+        _ => None,
+    }
+}

@@ -1,0 +1,110 @@
+//! Bands of a cosine transform.
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+use rustdct::{DctPlanner, TransformType2And3};
+
+/// Bands of the coefficients of a cosine transform, and the transform.
+pub struct Layout {
+    /// Coefficient with which each band begins, and the number of all.
+    pub edges: Vec<usize>,
+    /// Frequency in the middle of each band, rad a row.
+    pub omega: Vec<f64>,
+    /// Number of coefficients of each band.
+    pub count: Vec<f64>,
+    transform: Arc<dyn TransformType2And3<f64>>,
+    rows: usize,
+}
+
+impl Layout {
+    /// Bands of `rows` coefficients: the first `single` by themselves, then of a constant `ratio`.
+    pub fn new(rows: usize, single: usize, ratio: f64) -> Self {
+        let mut edges: Vec<usize> = (0..=single.min(rows)).collect();
+        while let Some(&last) = edges.last().filter(|last| **last < rows) {
+            edges.push(((last as f64 * ratio).ceil() as usize).max(last + 1).min(rows));
+        }
+        let middle = |pair: &[usize]| {
+            let (first, last) = (pair[0] as f64, pair[1] as f64 - 1.0);
+            PI / rows as f64 * (first.max(0.5) * last.max(0.5)).sqrt()
+        };
+        Self {
+            omega: edges.windows(2).map(middle).collect(),
+            count: edges.windows(2).map(|pair| (pair[1] - pair[0]) as f64).collect(),
+            edges,
+            transform: DctPlanner::new().plan_dct2(rows),
+            rows,
+        }
+    }
+
+    /// Number of bands.
+    pub fn bands(&self) -> usize {
+        self.count.len()
+    }
+
+    /// Orthonormal cosine transform, in place; `values` has as many as there are rows.
+    pub fn transform(&self, values: &mut [f64]) {
+        self.transform.process_dct2(values);
+        let scale = (2.0 / self.rows as f64).sqrt();
+        values.iter_mut().for_each(|value| *value *= scale);
+        if let Some(first) = values.first_mut() {
+            *first *= 0.5_f64.sqrt();
+        }
+    }
+
+    /// Its inverse, which is its transpose.
+    pub fn inverse(&self, values: &mut [f64]) {
+        let scale = (2.0 / self.rows as f64).sqrt();
+        values.iter_mut().for_each(|value| *value *= scale);
+        if let Some(first) = values.first_mut() {
+            // The transform takes half of the first coefficient.
+            *first *= 2.0_f64.sqrt();
+        }
+        self.transform.process_dct3(values);
+    }
+
+    /// Sums of the products of two series of coefficients by band; the shorter one is zero where it ends.
+    pub fn products(&self, a: &[f32], b: &[f32]) -> Vec<f64> {
+        let end = a.len().min(b.len());
+        let mut sums = vec![0.0; self.bands()];
+        for (sum, edge) in sums.iter_mut().zip(self.edges.windows(2)) {
+            let (from, to) = (edge[0].min(end), edge[1].min(end));
+            *sum = dot(&a[from..to], &b[from..to]);
+        }
+        sums
+    }
+}
+
+/// Sum of products, in double precision from single.
+fn dot(a: &[f32], b: &[f32]) -> f64 {
+    const LANES: usize = 8;
+    let mut sums = [0.0_f64; LANES];
+    let (a_lanes, b_lanes) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
+    let rest = a_lanes.remainder().iter().zip(b_lanes.remainder());
+    let rest: f64 = rest.map(|(a, b)| f64::from(*a) * f64::from(*b)).sum();
+    for (a, b) in a_lanes.zip(b_lanes) {
+        for lane in 0..LANES {
+            sums[lane] += f64::from(a[lane]) * f64::from(b[lane]);
+        }
+    }
+    sums.iter().sum::<f64>() + rest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_transform_is_orthonormal_and_inverse_to_itself() {
+        let rows = 150;
+        let layout = Layout::new(rows, 8, 1.2);
+        let values: Vec<f64> = (0..rows).map(|row| (0.37 * row as f64).sin() + 0.01 * row as f64).collect();
+        let mut there = values.clone();
+        layout.transform(&mut there);
+        let energy = |values: &[f64]| values.iter().map(|value| value * value).sum::<f64>();
+        assert!((energy(&there) / energy(&values) - 1.0).abs() < 1e-12);
+        layout.inverse(&mut there);
+        assert!(there.iter().zip(&values).all(|(a, b)| (a - b).abs() < 1e-12));
+        assert_eq!(layout.edges.last(), Some(&rows));
+        assert_eq!(layout.count.iter().sum::<f64>(), rows as f64);
+    }
+}

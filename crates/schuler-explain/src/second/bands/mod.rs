@@ -1,0 +1,10 @@
+//! The whitened record in the frequency domain, as sums of products over bands.
+//!
+//! | module | gives |
+//! | --- | --- |
+//! | [`layout`] | the bands, and the cosine transform (DCT-II) of the rows that are present |
+//! | [`sums`] | products of channels and series by band, each computed when it is asked for |
+//! | [`scan`] | scores of a step and a ramp at every row, and of a line at every frequency |
+pub mod layout;
+pub mod scan;
+pub mod sums;

@@ -1,0 +1,256 @@
+//! Amplitudes, trust and noise of a description in turn, and its evidence.
+//!
+//! ln E = Σ ln mean over ν of L(ν) of each block + prior of the amplitudes + ½ k ln 2π − ½ ln det of their information (Laplace) + what
+//! parameters that are not linear and those of the noise cost + prior odds. Constants that nobody knows have a flat prior.
+use std::sync::Arc;
+
+use nalgebra::{DMatrix, DVector};
+
+use super::amplitude::{ln_plausibility, ln_prior};
+use super::regressor::Regressor;
+use super::system::{Described, Solved, System, root_of};
+use crate::catalogue::NoiseChange;
+use crate::description::Term;
+use crate::noise::Noise;
+use crate::second::bands::sums::Sums;
+use crate::second::noise::fit::{Observed, SourceKnob, occam};
+use crate::second::noise::trust::ln_mean;
+use crate::second::noise::weights::{Covariances, Weights};
+use crate::second::problem::Problem;
+
+/// A deterministic effect in a description.
+#[derive(Clone)]
+pub struct Placed {
+    /// The candidate with its parameters.
+    pub term: Term,
+    /// Its whitened columns.
+    pub regressors: Arc<Vec<Regressor>>,
+    /// Mean of the evidence over the parameters in which it is not linear, less the largest, nats.
+    pub ln_spread: f64,
+}
+
+/// Another noise in a description.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Change {
+    /// Its place among the candidates.
+    pub candidate: usize,
+    /// The source.
+    pub source: usize,
+    /// What changes.
+    pub change: NoiseChange,
+    /// Its parameters.
+    pub knobs: Vec<crate::noise::Knob>,
+}
+
+/// What is known of a block under a description.
+#[derive(Clone)]
+pub struct BlockFit {
+    /// Degrees of freedom of the levels of its bands that fit best.
+    pub nu: f64,
+    /// Mean of the likelihood over them, as a logarithm.
+    pub log_likelihood: f64,
+    /// What its free noise parameters cost.
+    pub occam: f64,
+    /// Standard deviations of their logarithms.
+    pub sigmas: Vec<(SourceKnob, f64)>,
+}
+
+/// A set of items with everything that follows from it.
+#[derive(Clone)]
+pub struct Description {
+    /// Deterministic effects.
+    pub placed: Vec<Placed>,
+    /// Changes of the noise.
+    pub changes: Vec<Change>,
+    /// Noise of every source.
+    pub noises: Vec<Noise>,
+    /// Noise parameters that are free because the case says nothing of them.
+    pub nuisances: Vec<SourceKnob>,
+    /// One a block.
+    pub blocks: Vec<Option<BlockFit>>,
+    /// What the bands of each block count.
+    pub weights: Vec<Option<Weights>>,
+    /// Amplitudes of the constants, then of every effect.
+    pub amplitudes: DVector<f64>,
+    /// Logarithm of the evidence.
+    pub ln_evidence: f64,
+}
+
+/// What descriptions are made of and judged by.
+pub struct Bench<'b> {
+    /// What is explained.
+    pub problem: &'b Problem<'b>,
+    /// Sums of each block; none of one that is singular.
+    pub sums: Vec<Option<Sums>>,
+    /// Constants that nobody knows.
+    pub constants: Vec<Regressor>,
+}
+
+impl Description {
+    /// Constants and effects, in the order of the amplitudes.
+    pub fn described<'d>(&'d self, bench: &'d Bench<'_>) -> Described<'d> {
+        let mut described = Described::default();
+        for constant in &bench.constants {
+            described.regressors.push(constant);
+            described.is_unit.push(false);
+        }
+        for placed in &self.placed {
+            for regressor in placed.regressors.iter() {
+                described.regressors.push(regressor);
+                described.is_unit.push(placed.term.unit_amplitude);
+            }
+        }
+        described
+    }
+
+    /// The free noise parameters of a block.
+    pub fn free_in(&self, problem: &Problem<'_>, block: usize) -> Vec<SourceKnob> {
+        let changed = self.changes.iter().flat_map(|it| it.knobs.iter().map(|&knob| (it.source, knob)));
+        let mut free: Vec<SourceKnob> = Vec::new();
+        for knob in self.nuisances.iter().copied().chain(changed) {
+            if problem.model.blocks[block].sources.contains(&knob.0) && !free.contains(&knob) {
+                free.push(knob);
+            }
+        }
+        free
+    }
+
+    /// Number of items.
+    pub fn items(&self) -> usize {
+        self.placed.len() + self.changes.len()
+    }
+}
+
+impl Bench<'_> {
+    /// The description fitted where `touched`: the better of what two starts lead to, from full trust and from the weights that it
+    /// has. None where it cannot be told from a part of itself.
+    pub fn fitted(&self, description: &Description, touched: &[usize]) -> Option<Description> {
+        let trusting = self.from_full_trust(description, touched)?;
+        let first = self.converged(trusting, touched);
+        let is_robust = |&block: &usize| {
+            description.blocks[block].as_ref().is_some_and(|fit| fit.nu.is_finite())
+        };
+        let second = if touched.iter().any(is_robust) {
+            self.converged(description.clone(), touched)
+        } else {
+            None
+        };
+        match (first, second) {
+            (Some(first), Some(second)) if second.ln_evidence > first.ln_evidence => Some(second),
+            (Some(first), _) => Some(first),
+            (None, second) => second,
+        }
+    }
+
+    fn from_full_trust(&self, description: &Description, touched: &[usize]) -> Option<Description> {
+        let mut trusting = description.clone();
+        for &block in touched {
+            let Some(sums) = &self.sums[block] else { continue };
+            let covariances = Covariances::new(&self.problem.model.blocks[block], sums, &trusting.noises)?;
+            trusting.weights[block] = Some(covariances.full_weights(sums));
+            if let Some(fit) = &mut trusting.blocks[block] {
+                fit.nu = f64::INFINITY;
+            }
+        }
+        Some(trusting)
+    }
+
+    fn converged(&self, mut description: Description, touched: &[usize]) -> Option<Description> {
+        let config = self.problem.config;
+        let mut reached = f64::NEG_INFINITY;
+        for round in 0..config.fit_rounds {
+            let solved = self.solve(&description)?;
+            description.amplitudes = solved.amplitudes;
+            let mut total = 0.0;
+            for &block in touched {
+                total += self.fit_block(&mut description, block, round)?;
+            }
+            let gained = total - reached;
+            reached = total;
+            if gained.abs() < config.fit_tolerance {
+                break;
+            }
+        }
+        let solved = self.solve(&description)?;
+        description.amplitudes.clone_from(&solved.amplitudes);
+        description.ln_evidence = self.ln_evidence(&description, &solved)?;
+        description.ln_evidence.is_finite().then_some(description)
+    }
+
+    /// Amplitudes under the weights of a description.
+    pub fn solve(&self, description: &Description) -> Option<Solved> {
+        let system = System { sums: &self.sums, weights: &description.weights };
+        system.solve(&description.described(self))
+    }
+
+    /// Noise and trust of a block beside given amplitudes; its log-likelihood.
+    fn fit_block(&self, description: &mut Description, index: usize, round: usize) -> Option<f64> {
+        let config = self.problem.config;
+        let Some(sums) = &self.sums[index] else { return Some(0.0) };
+        let block = &self.problem.model.blocks[index];
+        let system = System { sums: &self.sums, weights: &description.weights };
+        let power = system.power_left(index, &description.described(self), &description.amplitudes);
+        let free = description.free_in(self.problem, index);
+        let mut nu = description.blocks[index].as_ref().map_or(f64::INFINITY, |fit| fit.nu);
+        let (mut cost, mut sigmas) = (0.0, Vec::new());
+        if !free.is_empty() {
+            let observed = Observed { block, sums, power: &power, nu };
+            let tolerance = if round == 0 { 0.1 } else { 0.5 * config.fit_tolerance };
+            let fitted = observed.fit(&description.noises, &free, tolerance)?;
+            description.noises = fitted.noises;
+            cost = occam(&fitted.sigmas, &free, block, sums.rows(), config);
+            sigmas = free.iter().copied().zip(fitted.sigmas).collect();
+        }
+        let covariances = Covariances::new(block, sums, &description.noises)?;
+        let by_trust: Vec<f64> =
+            config.trust.iter().map(|&nu| covariances.log_likelihood(sums, &power, nu)).collect();
+        if let Some(best) = (0..by_trust.len()).max_by(|&a, &b| by_trust[a].total_cmp(&by_trust[b])) {
+            nu = config.trust[best];
+        }
+        description.weights[index] = Some(covariances.weights(sums, &power, nu));
+        let log_likelihood = ln_mean(by_trust.iter().copied());
+        description.blocks[index] = Some(BlockFit { nu, log_likelihood, occam: cost, sigmas });
+        Some(log_likelihood)
+    }
+
+    /// The evidence of a description whose blocks are fitted.
+    fn ln_evidence(&self, description: &Description, solved: &Solved) -> Option<f64> {
+        let (problem, config) = (self.problem, self.problem.config);
+        let mut sum: f64 = (description.blocks.iter().flatten()).map(|fit| fit.log_likelihood + fit.occam).sum();
+        sum -= 0.5 * solved.root.ln_determinant();
+        let constants = self.constants.len();
+        let of_constants = solved.normal.view((0, 0), (constants, constants)).into_owned();
+        let constant_root = if constants > 0 { Some(root_of(&of_constants)?) } else { None };
+        let mut first = constants;
+        let mut amplitude_at = constants;
+        for placed in &description.placed {
+            let count = placed.regressors.len();
+            let values: Vec<f64> =
+                (amplitude_at..amplitude_at + count).map(|index| description.amplitudes[index]).collect();
+            amplitude_at += count;
+            let candidate = &problem.candidates[placed.term.candidate];
+            sum += placed.ln_spread + problem.ln_prior[placed.term.candidate];
+            if placed.term.unit_amplitude {
+                continue;
+            }
+            let own = solved.normal.view((first, first), (count, count)).into_owned();
+            let with_constants = solved.normal.view((0, first), (constants, count)).into_owned();
+            first += count;
+            let information = match &constant_root {
+                Some(root) => {
+                    let columns: Vec<DVector<f64>> =
+                        with_constants.column_iter().map(|column| root.solve(&column.into_owned())).collect();
+                    own - with_constants.tr_mul(&DMatrix::from_columns(&columns))
+                }
+                None => own,
+            };
+            let amplitudes = DVector::from_column_slice(&values);
+            let squares = (information.clone() * &amplitudes).dot(&amplitudes).max(0.0);
+            sum += ln_prior(squares, count, config) + 0.5 * root_of(&information)?.ln_determinant();
+            sum += 0.5 * count as f64 * (2.0 * std::f64::consts::PI).ln();
+            sum += ln_plausibility(&candidate.amplitudes, &values, config);
+        }
+        sum += description.changes.iter().map(|change| problem.ln_prior[change.candidate]).sum::<f64>();
+        Some(sum)
+    }
+}
