@@ -24,15 +24,13 @@ pub struct Problem<'p> {
 }
 
 impl<'p> Problem<'p> {
-    /// The problem of a model with the candidates of the catalogue.
-    pub fn new(inputs: &'p Inputs<'p>, model: &'p Model, config: &'p Config) -> Self {
-        let of_effect = |effect: &'static Effect| {
-            let mut candidates = (effect.candidates)(effect, inputs);
-            share_equal_series(&mut candidates);
-            candidates.retain(|candidate| is_searched(model, candidate));
-            candidates
-        };
-        let candidates: Vec<Candidate> = CATALOGUE.par_iter().flat_map_iter(of_effect).collect();
+    /// The problem of a model with given candidates.
+    pub fn new(
+        inputs: &'p Inputs<'p>,
+        model: &'p Model,
+        candidates: Vec<Candidate>,
+        config: &'p Config,
+    ) -> Self {
         let ln_prior = ln_prior(&candidates, config);
         Self { inputs, model, candidates, ln_prior, config }
     }
@@ -41,6 +39,41 @@ impl<'p> Problem<'p> {
     pub fn time_s(&self) -> &[f64] {
         &self.inputs.time_s
     }
+}
+
+/// The candidates of the catalogue.
+pub fn candidates(inputs: &Inputs<'_>, model: &Model) -> Vec<Candidate> {
+    let of_effect = |effect: &'static Effect| {
+        let mut candidates = (effect.candidates)(effect, inputs);
+        share_equal_series(&mut candidates);
+        candidates.retain(|candidate| is_searched(model, candidate));
+        candidates
+    };
+    CATALOGUE.par_iter().flat_map_iter(of_effect).collect()
+}
+
+/// The model without the rows of which a late instrument may read what was before the record, or an early one what comes after: the
+/// signature of a delay is not known there.
+pub fn within_delays(model: &Model, candidates: &[Candidate]) -> Model {
+    let mut longest_s = vec![0.0_f64; model.blocks.len()];
+    for candidate in candidates.iter().filter(|candidate| candidate.effect.is_a_delay()) {
+        let Search::Grid { parameters, .. } = &candidate.search else { continue };
+        let delays = parameters.iter().flat_map(|parameter| &parameter.grid);
+        let most = delays.fold(0.0_f64, |most, delay| most.max(delay.abs()));
+        for block in sensors_of(candidate).into_iter().filter_map(|sensor| model.block_of(sensor)) {
+            longest_s[block] = longest_s[block].max(most);
+        }
+    }
+    if longest_s.iter().all(|longest| *longest == 0.0) {
+        return model.clone();
+    }
+    let end_s = model.time_s.last().copied().unwrap_or_default();
+    model.without_rows(|block, row| {
+        let index = block.sensors.first().and_then(|&sensor| model.block_of(sensor));
+        let margin_s = index.map_or(0.0, |index| longest_s[index]);
+        let time_s = model.time_s.get(row).copied().unwrap_or_default();
+        margin_s > 0.0 && !(margin_s..=end_s - margin_s).contains(&time_s)
+    })
 }
 
 /// Whether a candidate reaches anything that is compared. Shapes that are sought at every time or frequency, and noises, are of one

@@ -25,9 +25,9 @@ use crate::second::evidence::fit::{Bench, Description};
 use crate::second::evidence::regressor::regressors;
 use crate::second::noise::fit::SourceKnob;
 use crate::second::noise::weights::Covariances;
-use crate::second::problem::Problem;
+use crate::second::problem::{Problem, candidates, within_delays};
 use crate::second::search::beam::{Beam, search};
-use crate::second::search::library::{library, whitened_again};
+use crate::second::search::library::{Shelf, library, whitened_again};
 use crate::second::search::moves::nothing;
 use crate::state::{Case, State};
 use crate::watch::Unwatched;
@@ -52,9 +52,11 @@ pub fn explain(recording: &Recording, config: &Config) -> Result<Explanation, Er
     account_for_lattices(&mut model, &recording, &of_angle);
     let nuisances = estimate_unknown(&mut model);
     no_singular_noise(&model, &model.nominal_noises())?;
-    let problem = Problem::new(&inputs, &model, config);
-    let (bench, beam) = searched(&problem, &nuisances)?;
-    told(&bench, &beam, &faults.found, &nuisances)
+    let candidates = candidates(&inputs, &model);
+    let model = within_delays(&model, &candidates);
+    let problem = Problem::new(&inputs, &model, candidates, config);
+    let searched = searched(&problem, &nuisances)?;
+    told(&searched, &faults.found, &nuisances)
 }
 
 /// The sums of all blocks whitened by given noises.
@@ -71,26 +73,35 @@ fn bench<'b>(problem: &'b Problem<'b>, noises: &[crate::noise::Noise]) -> Bench<
     Bench { problem, sums, constants }
 }
 
+/// What a search came to.
+struct Searched<'s> {
+    bench: Bench<'s>,
+    library: Vec<Shelf>,
+    beam: Beam,
+}
+
 /// The search, again with the record whitened by what was found where that is far from what it was whitened by.
-fn searched<'b>(problem: &'b Problem<'b>, nuisances: &[SourceKnob]) -> Result<(Bench<'b>, Beam), Error> {
+fn searched<'b>(problem: &'b Problem<'b>, nuisances: &[SourceKnob]) -> Result<Searched<'b>, Error> {
     let singular = || Error::NothingToCompare("no description of the record can be computed".to_owned());
     let noises = problem.model.nominal_noises();
-    let mut bench_now = bench(problem, &noises);
-    let start = nothing(&bench_now, &noises, nuisances).ok_or_else(singular)?;
-    let mut beam = search(&bench_now, &library(problem, &bench_now.sums), start);
+    let mut now = bench(problem, &noises);
+    let mut shelves = library(problem, &now.sums);
+    let start = nothing(&now, &noises, nuisances).ok_or_else(singular)?;
+    let mut beam = search(&now, &shelves, start);
     for _ in 1..PASSES {
         let best = &beam.descriptions[0];
-        if !is_far(&bench_now, best) {
+        if !is_far(&now, best) {
             break;
         }
         let again = bench(problem, &best.noises);
         let start = whitened_again(&again, best);
         let blocks: Vec<usize> = (0..again.sums.len()).filter(|&it| again.sums[it].is_some()).collect();
         let Some(start) = again.fitted(&start, &blocks) else { break };
-        beam = search(&again, &library(problem, &again.sums), start);
-        bench_now = again;
+        shelves = library(problem, &again.sums);
+        beam = search(&again, &shelves, start);
+        now = again;
     }
-    Ok((bench_now, beam))
+    Ok(Searched { bench: now, library: shelves, beam })
 }
 
 /// Whether the noise of a description is far from what the record was whitened by.
@@ -106,12 +117,22 @@ fn is_far(bench: &Bench<'_>, description: &Description) -> bool {
 }
 
 /// The explanation that the descriptions of a search tell.
-fn told(bench: &Bench<'_>, beam: &Beam, faults: &[Fault], nuisances: &[SourceKnob]) -> Result<Explanation, Error> {
+fn told(searched: &Searched<'_>, faults: &[Fault], nuisances: &[SourceKnob]) -> Result<Explanation, Error> {
+    let Searched { bench, library, beam } = searched;
     let problem = bench.problem;
     let (inputs, model, config) = (problem.inputs, problem.model, problem.config);
     let case = Case::new(model, &problem.candidates, &inputs.time_s, &Unwatched);
     let best = &beam.descriptions[0];
-    let posterior = posterior::posterior(beam, problem);
+    let posterior = posterior::posterior(bench, library, beam);
+    if std::env::var_os("DEBUG_BEAM").is_some() { // DEBUG
+        for d in beam.descriptions.iter().take(14) { // DEBUG
+            eprint!("{:.2} nu {:?}:", d.ln_evidence - best.ln_evidence, d.blocks.iter().flatten().map(|b| b.nu).collect::<Vec<_>>()); // DEBUG
+            for p in &d.placed { eprint!(" [{} {} {:?} spread {:.1}]", crate::equivalence::target_name(model, &problem.candidates[p.term.candidate]), problem.candidates[p.term.candidate].effect.id, p.term.nonlinear, p.ln_spread); } // DEBUG
+            for c in &d.changes { eprint!(" <{} {:?} {:?}>", model.sources[c.source].name, c.knobs, c.knobs.iter().map(|k| d.noises[c.source].get(*k)).collect::<Vec<_>>()); } // DEBUG
+            eprintln!(); // DEBUG
+        } // DEBUG
+        eprintln!("expanded {} scored {}", beam.expanded, beam.descriptions.len()); // DEBUG
+    } // DEBUG
     let null = State {
         terms: Vec::new(),
         noises: model.nominal_noises(),

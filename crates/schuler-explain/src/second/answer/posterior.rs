@@ -2,11 +2,13 @@
 //!
 //! An item stands against the descriptions that have another in its place, or none. Those that were scored are the whole;
 //! each is as probable as its evidence says.
-use crate::second::evidence::fit::Description;
+use crate::second::evidence::fit::{Bench, Description};
 use crate::second::noise::trust::ln_sum;
-use crate::second::problem::Problem;
 use crate::second::search::beam::Beam;
+use crate::second::search::beside::Beside;
+use crate::second::search::library::{Shelf, offers};
 use crate::second::search::moves::{Item, items, structure};
+use crate::second::search::scans::scans;
 
 /// What an item may be.
 #[derive(Clone, Debug)]
@@ -20,7 +22,8 @@ pub struct Posterior {
 }
 
 /// The items of the best description with their probabilities.
-pub fn posterior(beam: &Beam, problem: &Problem<'_>) -> Vec<Posterior> {
+pub fn posterior(bench: &Bench<'_>, library: &[Shelf], beam: &Beam) -> Vec<Posterior> {
+    let problem = bench.problem;
     let Some(best) = beam.descriptions.first() else { return Vec::new() };
     let own = structure(best);
     let scored: Vec<_> = beam.descriptions.iter().map(|it| (structure(it), it.ln_evidence)).collect();
@@ -38,6 +41,11 @@ pub fn posterior(beam: &Beam, problem: &Problem<'_>) -> Vec<Posterior> {
                 None => {}
             }
         }
+        for (member, ln_evidence) in not_fitted(bench, library, best, item) {
+            if members.iter().all(|(known, _)| *known != member) {
+                members.push((member, vec![ln_evidence]));
+            }
+        }
         let mut class: Vec<(usize, f64)> =
             members.into_iter().map(|(member, all)| (member, ln_sum(all.iter().copied()))).collect();
         let present = ln_sum(class.iter().map(|(_, ln)| *ln));
@@ -46,10 +54,29 @@ pub fn posterior(beam: &Beam, problem: &Problem<'_>) -> Vec<Posterior> {
             *ln = (*ln - present).exp();
         }
         class.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-        class.retain(|(_, probability)| *probability >= problem.config.least_class_probability);
+        let least = class.first().map_or(0.0, |(_, most)| most * problem.config.least_class_probability);
+        class.retain(|(_, probability)| *probability >= least);
         Posterior { item, probability: (present - all).exp(), class }
     };
     items(best).into_iter().map(of).collect()
+}
+
+/// Candidates in the place of an effect with the evidence that they would have, by their gain in closed form against that of the
+/// effect under the same weights: more are alike than are fitted.
+fn not_fitted(bench: &Bench<'_>, library: &[Shelf], best: &Description, item: Item) -> Vec<(usize, f64)> {
+    let Item::Placed(place) = item else { return Vec::new() };
+    let mut rest = best.clone();
+    let own = rest.placed.remove(place);
+    let Some(beside) = Beside::as_trusted(bench, &rest) else { return Vec::new() };
+    let candidate = &bench.problem.candidates[own.term.candidate];
+    let described = beside.described();
+    let of_own = beside.ln_gain(&described, &own.regressors, candidate, own.term.unit_amplitude)
+        + own.ln_spread
+        + bench.problem.ln_prior[own.term.candidate];
+    (offers(&beside, library).into_iter().chain(scans(&beside)))
+        .map(|offer| (offer.candidate, best.ln_evidence + offer.ln_gain - of_own))
+        .filter(|(_, ln_evidence)| ln_evidence.is_finite())
+        .collect()
 }
 
 type Structure = Vec<(usize, Vec<String>)>;

@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::parts::{bounds, ln_range};
 use super::trust;
-use super::weights::Covariances;
+use super::weights::{Covariances, levels};
 use crate::noise::{Knob, Noise};
 use crate::nominal::Block;
 use crate::second::bands::sums::Sums;
@@ -47,20 +47,61 @@ pub struct Fitted {
 }
 
 impl Observed<'_> {
-    fn log_likelihood(&self, noises: &[Noise]) -> f64 {
-        Covariances::new(self.block, self.sums, noises)
-            .map_or(f64::NEG_INFINITY, |it| it.log_likelihood(self.sums, self.power, self.nu))
+    /// Log-likelihood of noises, but for what does not depend on them.
+    pub fn log_likelihood(&self, noises: &[Noise]) -> f64 {
+        let (width, counts) = (self.sums.width() as f64, &self.sums.layout.count);
+        if self.sums.width() == 1 {
+            let Some(levels) = levels(self.block, self.sums, noises) else { return f64::NEG_INFINITY };
+            let bands = levels.iter().zip(counts).zip(self.power);
+            let of = |((level, count), power): ((&f64, &f64), &DMatrix<f64>)| {
+                trust::of_level(*count, 1.0, level.ln(), power[(0, 0)].max(0.0) / level, self.nu)
+            };
+            return bands.map(of).sum();
+        }
+        let Some(it) = Covariances::new(self.block, self.sums, noises) else { return f64::NEG_INFINITY };
+        let bands = it.quadratics(self.power).into_iter().zip(&it.ln_determinant).zip(counts);
+        let of = |((quadratic, determinant), count): ((f64, &f64), &f64)| {
+            trust::of_level(*count, width, *determinant, quadratic, self.nu)
+        };
+        bands.map(of).sum()
+    }
+
+    /// The derivatives of one channel.
+    fn derivatives_of_one(
+        &self,
+        noises: &[Noise],
+        free: &[SourceKnob],
+    ) -> Option<(DVector<f64>, DMatrix<f64>)> {
+        let here = levels(self.block, self.sums, noises)?;
+        let moved = |&knob: &SourceKnob| levels(self.block, self.sums, &raised(noises, knob));
+        let moved: Vec<Vec<f64>> = free.iter().map(moved).collect::<Option<_>>()?;
+        let size = free.len();
+        let (mut gradient, mut information) = (DVector::zeros(size), DMatrix::zeros(size, size));
+        for (band, (level, count)) in here.iter().zip(&self.sums.layout.count).enumerate() {
+            let quadratic = self.power[band][(0, 0)].max(0.0) / level;
+            let excess = trust::weight(*count, 1.0, quadratic, self.nu) * quadratic - count;
+            let believed = if self.nu.is_infinite() { *count } else { count * self.nu / (self.nu + count) };
+            for i in 0..size {
+                let change = (moved[i][band] / level).ln() / DIFFERENCE;
+                gradient[i] += 0.5 * excess * change;
+                for j in 0..=i {
+                    let other = (moved[j][band] / level).ln() / DIFFERENCE;
+                    information[(i, j)] += 0.5 * believed * change * other;
+                }
+            }
+        }
+        information.fill_upper_triangle_with_lower_triangle();
+        Some((gradient, information))
     }
 
     /// Gradient and information of the logarithms of the free parameters.
     fn derivatives(&self, noises: &[Noise], free: &[SourceKnob]) -> Option<(DVector<f64>, DMatrix<f64>)> {
+        if self.sums.width() == 1 {
+            return self.derivatives_of_one(noises, free);
+        }
         let here = Covariances::new(self.block, self.sums, noises)?;
-        let moved = |&(source, knob): &SourceKnob| {
-            let mut noises = noises.to_vec();
-            let value = noises[source].get(knob);
-            noises[source].set(knob, value * DIFFERENCE.exp());
-            Covariances::new(self.block, self.sums, &noises)
-        };
+        let moved =
+            |&knob: &SourceKnob| Covariances::new(self.block, self.sums, &raised(noises, knob));
         let moved: Vec<Covariances> = free.iter().map(moved).collect::<Option<_>>()?;
         let (size, width) = (free.len(), self.sums.width() as f64);
         let (mut gradient, mut information) = (DVector::zeros(size), DMatrix::zeros(size, size));
@@ -140,6 +181,14 @@ impl Observed<'_> {
         let power = self.power.iter().zip(&self.sums.base).map(|(power, base)| base * power.trace());
         (power.sum::<f64>() / (count * self.sums.width() as f64)).sqrt()
     }
+}
+
+/// The noises with the logarithm of a parameter a little larger.
+fn raised(noises: &[Noise], (source, knob): SourceKnob) -> Vec<Noise> {
+    let mut noises = noises.to_vec();
+    let value = noises[source].get(knob);
+    noises[source].set(knob, value * DIFFERENCE.exp());
+    noises
 }
 
 /// What the evidence loses by the parameters that are free: the logarithm of the part of their range that they are left with.

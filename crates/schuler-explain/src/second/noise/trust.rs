@@ -11,14 +11,19 @@ use statrs::function::gamma::ln_gamma;
 /// `ln_determinant` and whose squares, in its metric, add up to `quadratic`.
 pub fn log_likelihood(count: f64, width: f64, ln_determinant: f64, quadratic: f64, nu: f64) -> f64 {
     let values = count * width;
-    if nu.is_infinite() {
-        return -0.5 * (values * (2.0 * PI).ln() + count * ln_determinant + quadratic);
-    }
-    ln_gamma(0.5 * (nu + values))
-        - ln_gamma(0.5 * nu)
-        - 0.5 * values * (nu * PI).ln()
-        - 0.5 * count * ln_determinant
-        - 0.5 * (nu + values) * (quadratic / nu).ln_1p()
+    let constant = if nu.is_infinite() {
+        -0.5 * values * (2.0 * PI).ln()
+    } else {
+        ln_gamma(0.5 * (nu + values)) - ln_gamma(0.5 * nu) - 0.5 * values * (nu * PI).ln()
+    };
+    constant + of_level(count, width, ln_determinant, quadratic, nu)
+}
+
+/// The part of it that depends on the covariance.
+pub fn of_level(count: f64, width: f64, ln_determinant: f64, quadratic: f64, nu: f64) -> f64 {
+    let of_squares =
+        if nu.is_infinite() { quadratic } else { (nu + count * width) * (quadratic / nu).ln_1p() };
+    -0.5 * (count * ln_determinant + of_squares)
 }
 
 /// What the inverse of the covariance is multiplied by where the squares are as large as they are.

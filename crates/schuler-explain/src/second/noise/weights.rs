@@ -18,18 +18,16 @@ pub struct Covariances {
 impl Covariances {
     /// Under the noises of all sources; none where a band has no noise.
     pub fn new(block: &Block, sums: &Sums, noises: &[Noise]) -> Option<Self> {
+        if sums.width() == 1 {
+            let levels = levels(block, sums, noises)?;
+            return Some(Self {
+                inverse: levels.iter().map(|level| DMatrix::from_element(1, 1, level.recip())).collect(),
+                ln_determinant: levels.iter().map(|level| level.ln()).collect(),
+            });
+        }
         let bands = sums.layout.bands();
         let mut of = Self { inverse: Vec::with_capacity(bands), ln_determinant: Vec::with_capacity(bands) };
         for (&omega, base) in sums.layout.omega.iter().zip(&sums.base) {
-            if sums.width() == 1 && !block.is_redundant() {
-                let level = total_spectrum(block, noises, omega) / base;
-                if !(level > 0.0 && level.is_finite()) {
-                    return None;
-                }
-                of.inverse.push(DMatrix::from_element(1, 1, level.recip()));
-                of.ln_determinant.push(level.ln());
-                continue;
-            }
             let mut covariance = DMatrix::zeros(sums.width(), sums.width());
             for (vector, &source) in sums.vectors.iter().zip(&block.sources) {
                 let level = noises[source].spectrum(omega, block.step_s()) / base;
@@ -73,6 +71,24 @@ impl Covariances {
     pub fn full_weights(&self, sums: &Sums) -> Weights {
         Weights::new(sums, self.inverse.clone())
     }
+}
+
+/// Variances of the one channel of a block by band, in units of the spectrum that the record was whitened by; none where a band
+/// has no noise.
+pub fn levels(block: &Block, sums: &Sums, noises: &[Noise]) -> Option<Vec<f64>> {
+    let of_band = |(&omega, base): (&f64, &f64)| {
+        let total = if block.is_redundant() {
+            let of = |(vector, &source): (&nalgebra::DVector<f64>, &usize)| {
+                vector[0] * vector[0] * noises[source].spectrum(omega, block.step_s())
+            };
+            sums.vectors.iter().zip(&block.sources).map(of).sum()
+        } else {
+            total_spectrum(block, noises, omega)
+        };
+        let level = total / base;
+        (level > 0.0 && level.is_finite()).then_some(level)
+    };
+    sums.layout.omega.iter().zip(&sums.base).map(of_band).collect()
 }
 
 /// What the bands count.

@@ -58,52 +58,73 @@ impl<'b> Beside<'b> {
 
     /// Logarithm of what the evidence is multiplied by where a signature is added; −∞ of one that cannot be told from what is
     /// described.
-    pub fn ln_gain(&self, described: &Described<'_>, regressors: &[Regressor], candidate: &Candidate, is_unit: bool) -> f64 {
-        let system = self.system();
+    pub fn ln_gain(
+        &self,
+        described: &Described<'_>,
+        regressors: &[Regressor],
+        candidate: &Candidate,
+        is_unit: bool,
+    ) -> f64 {
         let config = self.bench.problem.config;
-        let count = regressors.len();
-        if regressors.iter().any(|regressor| regressor.parts.is_empty()) || count == 0 {
-            return f64::NEG_INFINITY;
+        let Some(own) = self.normal(described, regressors) else { return f64::NEG_INFINITY };
+        if is_unit {
+            return own.scores.sum() - 0.5 * own.information.sum();
         }
-        let mut scores = DVector::zeros(count);
-        let mut information = DMatrix::zeros(count, count);
-        let mut whole = DVector::zeros(count);
+        let Some(amplitudes) = own.amplitudes() else { return f64::NEG_INFINITY };
+        let squares = amplitudes.dot(&own.scores).max(0.0);
+        ln_gain(squares, regressors.len(), config)
+            + ln_plausibility(&candidate.amplitudes, amplitudes.as_slice(), config)
+    }
+
+    /// Scores and information of regressors beside what is described; none where they cannot be told from it.
+    pub fn normal(&self, described: &Described<'_>, regressors: &[Regressor]) -> Option<Normal> {
+        let (system, count, free) = (self.system(), regressors.len(), self.solved.free.len());
+        if count == 0 || regressors.iter().any(|regressor| regressor.parts.is_empty()) {
+            return None;
+        }
+        let (mut scores, mut information) = (DVector::zeros(count), DMatrix::zeros(count, count));
+        let mut with_free = DMatrix::zeros(free, count);
         for (i, regressor) in regressors.iter().enumerate() {
-            let blocks: Vec<bool> = (described.regressors.iter())
-                .map(|other| other.parts.iter().any(|part| regressor.reaches(part.block)))
-                .collect();
-            let with: Vec<f64> = (described.regressors.iter().zip(&blocks))
-                .map(|(other, meets)| if *meets { system.product(regressor, other) } else { 0.0 })
+            let meets = |other: &&Regressor| other.parts.iter().any(|part| regressor.reaches(part.block));
+            let with: Vec<f64> = (described.regressors.iter())
+                .map(|other| if meets(other) { system.product(regressor, other) } else { 0.0 })
                 .collect();
             let taken: f64 = with.iter().zip(self.solved.amplitudes.iter()).map(|(a, b)| a * b).sum();
             scores[i] = system.score(regressor) - taken;
-            let of_free = DVector::from_iterator(self.solved.free.len(), self.solved.free.iter().map(|&k| with[k]));
-            let projected = self.solved.root.solve(&of_free);
+            for (place, &number) in self.solved.free.iter().enumerate() {
+                with_free[(place, i)] = with[number];
+            }
             for (j, other) in regressors.iter().enumerate().take(i + 1) {
-                information[(i, j)] += system.product(regressor, other);
-                if i == j {
-                    whole[i] = information[(i, i)];
-                    information[(i, i)] -= projected.dot(&of_free);
-                } else {
-                    let of_other = (described.regressors.iter().enumerate())
-                        .filter(|(k, _)| self.solved.free.contains(k))
-                        .map(|(_, known)| system.product(other, known));
-                    let of_other = DVector::from_iterator(self.solved.free.len(), of_other);
-                    information[(i, j)] -= projected.dot(&of_other);
-                }
+                information[(i, j)] = system.product(regressor, other);
             }
         }
         information.fill_upper_triangle_with_lower_triangle();
-        let is_left = |i: usize| information[(i, i)] > config.least_information_left * whole[i];
-        if !(0..count).all(is_left) {
-            return f64::NEG_INFINITY;
+        let whole = information.diagonal();
+        if free > 0 {
+            for i in 0..count {
+                let projected = self.solved.root.solve(&with_free.column(i).into_owned());
+                for j in 0..count {
+                    information[(i, j)] -= projected.dot(&with_free.column(j));
+                }
+            }
         }
-        if is_unit {
-            return scores.sum() - 0.5 * information.sum();
-        }
-        let Some(root) = root_of(&information) else { return f64::NEG_INFINITY };
-        let amplitudes = root.solve(&scores);
-        let squares = amplitudes.dot(&scores).max(0.0);
-        ln_gain(squares, count, config) + ln_plausibility(&candidate.amplitudes, amplitudes.as_slice(), config)
+        let least = self.bench.problem.config.least_information_left;
+        let is_left = |i: usize| information[(i, i)] > least * whole[i];
+        (0..count).all(is_left).then_some(Normal { scores, information })
+    }
+}
+
+/// Scores and information of regressors beside what is described.
+pub struct Normal {
+    /// Derivatives of the log-likelihood by the amplitudes at 0.
+    pub scores: DVector<f64>,
+    /// Its second derivatives, with the sign turned.
+    pub information: DMatrix<f64>,
+}
+
+impl Normal {
+    /// Amplitudes at their best.
+    pub fn amplitudes(&self) -> Option<DVector<f64>> {
+        Some(root_of(&self.information)?.solve(&self.scores))
     }
 }

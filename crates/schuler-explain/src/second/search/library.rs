@@ -1,22 +1,27 @@
 //! Every signature of a fixed shape: linear ones, and every point of the grids of others.
 use std::sync::Arc;
 
+use nalgebra::DVector;
 use rayon::prelude::*;
 
 use super::beside::Beside;
-use crate::catalogue::{Candidate, Search};
+use crate::catalogue::{Candidate, Column, Nonlinear, Search};
 use crate::description::columns;
 use crate::second::bands::sums::Sums;
 use crate::second::evidence::fit::{Bench, Description, Placed};
 use crate::second::evidence::regressor::{Regressor, regressors};
+use crate::second::evidence::system::{Described, root_of};
 use crate::second::noise::trust::ln_mean;
 use crate::second::problem::Problem;
 use crate::description::Term;
 
-/// Rounds in which each parameter of a grid is refined.
-const REFINED: usize = 1;
-/// Part of the distance of two points of a grid to which a parameter is refined before it is fitted to all rows.
+/// Steps at most by which the parameters of a grid are refined, and how often each is shortened.
+const REFINED: usize = 4;
+const HALVED: usize = 3;
+/// Gain, nats, at which they are.
 const REFINED_TO: f64 = 0.05;
+/// Difference over which a signature is differentiated, of the distance of two points of the grid.
+const DIFFERENCE: f64 = 1e-2;
 
 /// A candidate with its signatures.
 pub struct Shelf {
@@ -102,40 +107,140 @@ pub fn offers(beside: &Beside<'_>, library: &[Shelf]) -> Vec<Offer> {
 pub fn placed(beside: &Beside<'_>, offer: &Offer) -> Placed {
     let problem = beside.bench.problem;
     let candidate = &problem.candidates[offer.candidate];
-    let mut point = offer.point.clone();
-    let mut spread = offer.ln_spread;
+    let (mut point, mut ln_spread) = (offer.point.clone(), offer.ln_spread);
     if let Search::Grid { parameters, unit_amplitude, .. } = &candidate.search {
-        let described = beside.described();
-        let gain = |point: &[f64]| {
-            let columns = columns(candidate, point, problem.time_s());
-            let whitened = regressors(problem.model, &beside.bench.sums, &columns, candidate.port);
-            beside.ln_gain(&described, &whitened, candidate, *unit_amplitude)
-        };
-        let before = gain(&point);
-        for _ in 0..REFINED {
-            for (axis, parameter) in parameters.iter().enumerate() {
-                let at = parameter.grid.partition_point(|value| *value < point[axis]);
-                let low = parameter.grid[at.saturating_sub(1)];
-                let high = parameter.grid[(at + 1).min(parameter.grid.len() - 1)];
-                let cost = |value: f64| {
-                    let mut there = point.clone();
-                    there[axis] = value;
-                    -gain(&there)
-                };
-                let (value, _) = crate::minimise::golden(low, high, REFINED_TO * (high - low), cost);
-                let mut there = point.clone();
-                there[axis] = value;
-                if gain(&there) > gain(&point) {
-                    point = there;
-                }
-            }
-        }
-        let gained = gain(&point) - before;
-        spread -= if gained.is_finite() { gained } else { 0.0 };
+        let refine = Refine { beside, candidate, is_unit: *unit_amplitude, parameters };
+        (point, ln_spread) = refine.refined(&point, ln_spread);
     }
     let term = Term::new(offer.candidate, candidate, &point, problem.time_s());
     let whitened = regressors(problem.model, &beside.bench.sums, &term.columns, term.port);
-    Placed { term, regressors: Arc::new(whitened), ln_spread: spread.min(0.0) }
+    Placed { term, regressors: Arc::new(whitened), ln_spread }
+}
+
+/// Parameters of a grid refined by Gauss–Newton steps.
+struct Refine<'r> {
+    beside: &'r Beside<'r>,
+    candidate: &'r Candidate,
+    is_unit: bool,
+    parameters: &'r [Nonlinear],
+}
+
+impl Refine<'_> {
+    fn columns(&self, point: &[f64]) -> Vec<Column> {
+        columns(self.candidate, point, self.beside.bench.problem.time_s())
+    }
+
+    fn whitened(&self, columns: &[Column]) -> Vec<Regressor> {
+        let bench = self.beside.bench;
+        regressors(bench.problem.model, &bench.sums, columns, self.candidate.port)
+    }
+
+    /// Half of the distance of the neighbours on the grid.
+    fn cell(&self, axis: usize, value: f64) -> f64 {
+        let grid = &self.parameters[axis].grid;
+        let at = grid.partition_point(|known| *known < value);
+        let (low, high) = (at.saturating_sub(1), (at + 1).min(grid.len() - 1));
+        (grid[high] - grid[low]) / (high - low).max(1) as f64
+    }
+
+    /// Where steps lead from a point, and the mean of the evidence over the parameters there less the best, by Laplace's
+    /// approximation where that is more than the grid tells.
+    fn refined(&self, point: &[f64], of_grid: f64) -> (Vec<f64>, f64) {
+        let described = self.beside.described();
+        let gain = |whitened: &[Regressor]| {
+            self.beside.ln_gain(&described, whitened, self.candidate, self.is_unit)
+        };
+        let mut here = point.to_vec();
+        let mut whitened = self.whitened(&self.columns(&here));
+        let first = gain(&whitened);
+        let (mut reached, mut ln_width) = (first, f64::NEG_INFINITY);
+        for _ in 0..REFINED {
+            let Some((step, width)) = self.step(&described, &here, &whitened) else { break };
+            ln_width = width;
+            let mut scale = 1.0;
+            let mut gained = 0.0;
+            for _ in 0..HALVED {
+                let there: Vec<f64> = (here.iter().zip(&step).zip(self.parameters))
+                    .map(|((value, step), parameter)| {
+                        let (low, high) = (parameter.grid[0], parameter.grid[parameter.grid.len() - 1]);
+                        (value + scale * step).clamp(low, high)
+                    })
+                    .collect();
+                let moved = self.whitened(&self.columns(&there));
+                let of_moved = gain(&moved);
+                if of_moved > reached {
+                    gained = of_moved - reached;
+                    (here, whitened, reached) = (there, moved, of_moved);
+                    break;
+                }
+                scale *= 0.3;
+            }
+            if gained < REFINED_TO {
+                break;
+            }
+        }
+        let spread = (of_grid - (reached - first)).max(ln_width.min(0.0));
+        (here, if spread.is_finite() { spread.min(0.0) } else { of_grid })
+    }
+
+    /// A Gauss–Newton step of the parameters, and the logarithm of the part of the grid that they are left with.
+    fn step(&self, described: &Described<'_>, point: &[f64], whitened: &[Regressor]) -> Option<(Vec<f64>, f64)> {
+        let count = whitened.len();
+        let amplitudes: Vec<f64> = if self.is_unit {
+            vec![1.0; count]
+        } else {
+            self.beside.normal(described, whitened)?.amplitudes()?.iter().copied().collect()
+        };
+        let mut all: Vec<Regressor> = whitened.to_vec();
+        for axis in 0..point.len() {
+            let difference = DIFFERENCE * self.cell(axis, point[axis]);
+            let at = |sign: f64| {
+                let mut there = point.to_vec();
+                there[axis] += sign * difference;
+                self.columns(&there)
+            };
+            let slope = slope(&at(1.0), &at(-1.0), &amplitudes, 2.0 * difference);
+            all.extend(self.whitened(&[slope]));
+        }
+        let normal = self.beside.normal(described, &all)?;
+        let (size, fixed) = (point.len(), if self.is_unit { count } else { 0 });
+        // What is of amplitude 1 is taken out of the scores, and is not free.
+        let mut scores = normal.scores.clone();
+        for row in 0..scores.len() {
+            scores[row] -= (0..fixed).map(|column| normal.information[(row, column)]).sum::<f64>();
+        }
+        let information = normal.information.view((fixed, fixed), (all.len() - fixed, all.len() - fixed)).into_owned();
+        let root = root_of(&information)?;
+        let solved = root.solve(&scores.rows(fixed, all.len() - fixed).into_owned());
+        let from = all.len() - fixed - size;
+        let mut ln_width = 0.0;
+        let mut step = Vec::with_capacity(size);
+        for axis in 0..size {
+            let cell = self.cell(axis, point[axis]);
+            step.push(solved[from + axis].clamp(-cell, cell));
+            let mut unit = DVector::zeros(information.nrows());
+            unit[from + axis] = 1.0;
+            let variance = root.solve(&unit)[from + axis];
+            let range = cell * self.parameters[axis].grid.len() as f64;
+            ln_width += 0.5 * (2.0 * std::f64::consts::PI * variance).ln() - range.ln();
+        }
+        Some((step, ln_width))
+    }
+}
+
+/// The derivative of what columns with their amplitudes add, by a parameter.
+fn slope(above: &[Column], below: &[Column], amplitudes: &[f64], difference: f64) -> Column {
+    let mut parts: Vec<(usize, Vec<f64>)> = Vec::new();
+    for ((above, below), amplitude) in above.iter().zip(below).zip(amplitudes) {
+        for ((sensor, high), (_, low)) in above.parts.iter().zip(&below.parts) {
+            let values = high.iter().zip(low.iter()).map(|(high, low)| amplitude * (high - low) / difference);
+            match parts.iter_mut().find(|(known, _)| known == sensor) {
+                Some((_, sums)) => sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += value),
+                None => parts.push((*sensor, values.collect())),
+            }
+        }
+    }
+    Column::of(parts)
 }
 
 /// The same description whitened by other sums.

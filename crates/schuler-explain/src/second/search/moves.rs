@@ -10,7 +10,10 @@ use crate::noise::{Knob, Noise};
 use crate::second::evidence::fit::{Bench, Change, Description, Placed};
 use crate::second::evidence::system::System;
 use crate::second::noise::fit::{Observed, occam};
-use crate::second::noise::parts::starts;
+use crate::second::noise::parts::{Start, starts};
+
+/// Starts of a change of noise, those that fit best, from which it is fitted.
+const STARTS: usize = 2;
 
 /// An item of a description.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -165,19 +168,25 @@ fn with_other_noise(bench: &Bench<'_>, description: &Description) -> Vec<Descrip
         let mut promised = Vec::new();
         for &(candidate, source, change) in changes.iter().filter(|change| block.sources.contains(&change.1)) {
             let spread = observed.spread();
-            let starts = starts(&description.noises[source], change, spread, block.step_s(), duration_s);
-            let fitted = starts.into_iter().filter_map(|start| {
+            let known = description.free_in(problem, index);
+            let of_start = |start: Start| {
                 let free: Vec<(usize, Knob)> = start.knobs.iter().map(|&knob| (source, knob)).collect();
-                let is_free = |knob: &(usize, Knob)| description.free_in(problem, index).contains(knob);
-                if free.iter().all(is_free) {
-                    return None;
-                }
                 let mut noises = description.noises.clone();
                 noises[source] = start.noise;
+                let is_new = !free.iter().all(|knob| known.contains(knob));
+                is_new.then(|| (observed.log_likelihood(&noises), start.knobs, free, noises))
+            };
+            let mut starts: Vec<_> =
+                (starts(&description.noises[source], change, spread, block.step_s(), duration_s).into_iter())
+                    .filter_map(of_start)
+                    .collect();
+            starts.sort_by(|a, b| b.0.total_cmp(&a.0));
+            starts.truncate(STARTS);
+            let fitted = starts.into_iter().filter_map(|(_, knobs, free, noises)| {
                 let fitted = observed.fit(&noises, &free, 0.1)?;
                 let cost = occam(&fitted.sigmas, &free, block, sums.rows(), problem.config);
                 let gain = fitted.log_likelihood + cost + problem.ln_prior[candidate];
-                Some((gain, Change { candidate, source, change, knobs: start.knobs }, fitted.noises, index))
+                Some((gain, Change { candidate, source, change, knobs }, fitted.noises, index))
             });
             promised.extend(fitted.max_by(|a, b| a.0.total_cmp(&b.0)));
         }
