@@ -12,6 +12,7 @@
 //! | `gravity`, `tide` | anomaly of gravity, tide of the solid Earth |
 //! | `failures` | stuck, clipped, coarse or jumping readings |
 //! | `noise` | another random part |
+//! | `unnamed` | what is in no catalogue, as a rival of all that is |
 mod additive;
 mod draft;
 mod effect;
@@ -25,6 +26,7 @@ mod noise;
 mod rotation;
 mod thermal;
 mod tide;
+mod unnamed;
 
 pub use effect::{
     AT_START, Amplitude, Candidate, Column, Effect, NoiseChange, Nonlinear, OnsetShape, Port, ReadingFault,
@@ -67,11 +69,19 @@ impl Effect {
         OF_THE_MOTION.contains(&self.id)
     }
 
+    /// Whether it stands for what is in no catalogue.
+    pub fn is_unnamed(&self) -> bool {
+        self.id == unnamed::UNNAMED.id
+    }
+
     /// Whether its one parameter is a delay of the readings.
     pub fn is_a_delay(&self) -> bool {
         self.id == instrument::TIME_DELAY.id
     }
 }
+
+/// What is in no catalogue.
+pub const UNNAMED: &Effect = &unnamed::UNNAMED;
 
 /// Every effect known.
 pub const CATALOGUE: &[Effect] = &[

@@ -49,8 +49,6 @@ pub struct Config {
     pub least_class_probability: f64,
     /// Whether the description is judged on stretches that were held out.
     pub hold_out: bool,
-    /// Cosines of time, and of each recorded quantity, of which an unnamed dependence is made.
-    pub unnamed_terms: usize,
 }
 
 impl Default for Config {
@@ -78,7 +76,6 @@ impl Default for Config {
             whiten_again_at: 3.0,
             least_class_probability: 0.01,
             hold_out: true,
-            unnamed_terms: 6,
         }
     }
 }

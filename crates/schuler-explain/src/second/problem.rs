@@ -3,7 +3,9 @@ use std::collections::HashMap;
 
 use rayon::prelude::*;
 
-use crate::catalogue::{CATALOGUE, Candidate, Effect, Port, Search, Target, share_equal_series};
+use crate::catalogue::{
+    CATALOGUE, Candidate, Effect, Port, Search, Target, UNNAMED, share_equal_series,
+};
 use crate::description::sensors_of;
 use crate::inputs::Inputs;
 use crate::nominal::Model;
@@ -49,7 +51,7 @@ pub fn candidates(inputs: &Inputs<'_>, model: &Model) -> Vec<Candidate> {
         candidates.retain(|candidate| is_searched(model, candidate));
         candidates
     };
-    CATALOGUE.par_iter().flat_map_iter(of_effect).collect()
+    CATALOGUE.par_iter().chain([UNNAMED].par_iter().copied()).flat_map_iter(of_effect).collect()
 }
 
 /// The model without the rows of which a late instrument may read what was before the record, or an early one what comes after: the
@@ -84,7 +86,7 @@ fn is_searched(model: &Model, candidate: &Candidate) -> bool {
         Search::Linear(signature) => !signature.columns.is_empty(),
         Search::Grid { parameters, .. } => parameters.iter().all(|parameter| !parameter.grid.is_empty()),
         Search::Onset(_) | Search::Frequency | Search::Noise(_) => !is_group,
-        Search::Readings(_) => false,
+        Search::Readings(_) => candidate.is_jump(),
     };
     has_shape && sensors_of(candidate).iter().any(|&sensor| model.source_of(sensor, candidate.port).is_some())
 }

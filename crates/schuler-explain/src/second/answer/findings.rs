@@ -1,9 +1,9 @@
 //! Findings with their parameters, from the exact likelihood of all rows.
 use super::posterior::Posterior;
-use crate::catalogue::{Search, Target};
+use crate::catalogue::{Candidate, Search, Target};
 use crate::equivalence::target_name;
 use crate::explain::interval;
-use crate::explanation::{Evidence, Finding, Parameter, Rival};
+use crate::explanation::{Evidence, Finding, Parameter, Remainder, Rival};
 use crate::inputs::Inputs;
 use crate::readings::{Fault, OFF_LATTICE};
 use crate::refit::parameters;
@@ -58,10 +58,40 @@ pub fn findings(
             }
             Item::Placed(_) => false,
         };
-        posterior.probability >= config.told_at && !is_nuisance
+        let is_unnamed = matches!(posterior.item, Item::Placed(_)) && is_unnamed(case, posterior);
+        posterior.probability >= config.told_at && !is_nuisance && !is_unnamed
     };
     let finding = |posterior: &Posterior| finding(case, state, posterior);
     posterior.iter().filter(is_told).map(finding).collect()
+}
+
+/// Whether it is most probably in no catalogue.
+fn is_unnamed(case: &Case<'_>, posterior: &Posterior) -> bool {
+    let first = posterior.class.first().and_then(|(member, _)| case.candidates.get(*member));
+    first.is_some_and(|candidate| candidate.effect.is_unnamed())
+}
+
+/// The dependences that are most probably in no catalogue, the surest of them; with all of them in words.
+pub fn unnamed(case: &Case<'_>, posterior: &[Posterior], config: &Config) -> Option<Remainder> {
+    let told: Vec<(&Posterior, &Candidate)> = (posterior.iter())
+        .filter(|it| it.probability >= config.told_at && is_unnamed(case, it))
+        .filter_map(|it| Some((it, case.candidates.get(it.class.first()?.0)?)))
+        .collect();
+    let on = |candidate: &Candidate| {
+        candidate.variant.first().map_or_else(String::new, |(_, column)| column.clone())
+    };
+    let (first, strongest) =
+        told.iter().max_by(|a, b| a.0.probability.total_cmp(&b.0.probability)).copied()?;
+    let what = told.iter().map(|(_, candidate)| {
+        let name = target_name(case.model, candidate);
+        format!("the mean of {name} depends on {}, as no effect of the catalogue does", on(candidate))
+    });
+    Some(Remainder {
+        sensor: target_name(case.model, strongest),
+        what: what.collect::<Vec<_>>().join("; "),
+        on: Some(on(strongest)),
+        gain_nats: -(1.0 - first.probability).max(1e-300).ln(),
+    })
 }
 
 fn finding(case: &Case<'_>, state: &State, posterior: &Posterior) -> Finding {

@@ -124,15 +124,6 @@ fn told(searched: &Searched<'_>, faults: &[Fault], nuisances: &[SourceKnob]) -> 
     let case = Case::new(model, &problem.candidates, &inputs.time_s, &Unwatched);
     let best = &beam.descriptions[0];
     let posterior = posterior::posterior(bench, library, beam);
-    if std::env::var_os("DEBUG_BEAM").is_some() { // DEBUG
-        for d in beam.descriptions.iter().take(14) { // DEBUG
-            eprint!("{:.2} nu {:?}:", d.ln_evidence - best.ln_evidence, d.blocks.iter().flatten().map(|b| b.nu).collect::<Vec<_>>()); // DEBUG
-            for p in &d.placed { eprint!(" [{} {} {:?} spread {:.1}]", crate::equivalence::target_name(model, &problem.candidates[p.term.candidate]), problem.candidates[p.term.candidate].effect.id, p.term.nonlinear, p.ln_spread); } // DEBUG
-            for c in &d.changes { eprint!(" <{} {:?} {:?}>", model.sources[c.source].name, c.knobs, c.knobs.iter().map(|k| d.noises[c.source].get(*k)).collect::<Vec<_>>()); } // DEBUG
-            eprintln!(); // DEBUG
-        } // DEBUG
-        eprintln!("expanded {} scored {}", beam.expanded, beam.descriptions.len()); // DEBUG
-    } // DEBUG
     let null = State {
         terms: Vec::new(),
         noises: model.nominal_noises(),
@@ -147,7 +138,10 @@ fn told(searched: &Searched<'_>, faults: &[Fault], nuisances: &[SourceKnob]) -> 
     found.extend(findings::of_faults(inputs, &case, faults));
     findings::in_order(&mut found);
     let located = locate::locate(&case, &null, inputs);
-    let (left, remainder) = locate::left(&case, &state, inputs, &[]);
+    let (left, remainder) = match findings::unnamed(&case, &posterior, config) {
+        Some(unnamed) => (true, Some(unnamed)),
+        None => locate::left(&case, &state, inputs, &[]),
+    };
     let verdict = match (found.is_empty(), left) {
         (true, false) => Verdict::NoMismatch,
         (true, true) => Verdict::Unexplained,

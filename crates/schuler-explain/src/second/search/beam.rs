@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::library::Shelf;
 use super::moves::{items, structure, with_one_more, without};
+use super::telegraph::with_telegraph;
 use crate::second::evidence::fit::{Bench, Description};
 
 /// The descriptions of a search, the best first, one of each structure.
@@ -20,41 +21,79 @@ type Structure = Vec<(usize, Vec<String>)>;
 /// Searches from a description on: of the best that are not expanded yet the neighbours are fitted, those with an item more, less, or
 /// another in its place, until none of the best is left.
 pub fn search(bench: &Bench<'_>, library: &[Shelf], start: Description) -> Beam {
-    let config = bench.problem.config;
-    let mut known: Vec<(Structure, Description)> = vec![(structure(&start), start)];
-    let mut expanded: HashSet<Structure> = HashSet::new();
-    let mut extended: HashSet<Structure> = HashSet::new();
-    loop {
-        known.sort_by(|a, b| b.1.ln_evidence.total_cmp(&a.1.ln_evidence).then(a.0.cmp(&b.0)));
-        let best = known[0].1.ln_evidence;
-        let next = (known.iter().take(config.expanded))
-            .find(|(of, description)| {
-                !expanded.contains(of) && description.ln_evidence > best - config.expanded_within
-            })
-            .cloned();
-        let Some((of, description)) = next else { break };
-        expanded.insert(of.clone());
-        let less: Vec<Description> =
-            items(&description).par_iter().filter_map(|&item| without(bench, &description, item)).collect();
-        let mut bases = less.clone();
-        if description.items() < config.most_items {
-            bases.push(description);
-        }
-        let mut found = less;
-        for base in bases {
-            if extended.insert(structure(&base)) {
-                found.extend(with_one_more(bench, library, &base));
+    let mut kept = Kept { known: vec![(structure(&start), start)], ..Kept::default() };
+    kept.expand(bench, library);
+    if kept.jump(bench) {
+        kept.expand(bench, library);
+    }
+    let expanded = kept.expanded.len();
+    Beam { descriptions: kept.known.into_iter().map(|(_, description)| description).collect(), expanded }
+}
+
+/// The descriptions that are known, one of each structure.
+#[derive(Default)]
+struct Kept {
+    known: Vec<(Structure, Description)>,
+    /// Those whose neighbours were sought.
+    expanded: HashSet<Structure>,
+    /// Those to which an item more was sought.
+    extended: HashSet<Structure>,
+}
+
+impl Kept {
+    /// Expands the best until none of them is left.
+    fn expand(&mut self, bench: &Bench<'_>, library: &[Shelf]) {
+        let config = bench.problem.config;
+        loop {
+            self.known.sort_by(|a, b| b.1.ln_evidence.total_cmp(&a.1.ln_evidence).then(a.0.cmp(&b.0)));
+            let best = self.known[0].1.ln_evidence;
+            let next = (self.known.iter().take(config.expanded))
+                .find(|(of, description)| {
+                    !self.expanded.contains(of) && description.ln_evidence > best - config.expanded_within
+                })
+                .cloned();
+            let Some((of, description)) = next else { return };
+            self.expanded.insert(of);
+            let mut bases = neighbours_below(bench, &description);
+            let mut found = bases.clone();
+            if description.items() < config.most_items {
+                bases.push(description);
             }
+            for base in bases {
+                if self.extended.insert(structure(&base)) {
+                    found.extend(with_one_more(bench, library, &base));
+                }
+            }
+            self.take(found);
         }
+    }
+
+    /// Seeks a telegraph beside the best description and in the place of each of its items; whether there is a better one by it.
+    fn jump(&mut self, bench: &Bench<'_>) -> bool {
+        let best = self.known[0].1.clone();
+        let mut bases = neighbours_below(bench, &best);
+        bases.push(best.clone());
+        let found: Vec<Description> =
+            bases.par_iter().flat_map_iter(|base| with_telegraph(bench, base)).collect();
+        let is_better = found.iter().any(|it| it.ln_evidence > best.ln_evidence);
+        self.take(found);
+        is_better
+    }
+
+    /// Takes descriptions in, of each structure the best.
+    fn take(&mut self, found: Vec<Description>) {
         for description in found {
             let of = structure(&description);
-            match known.iter_mut().find(|(known, _)| *known == of) {
+            match self.known.iter_mut().find(|(known, _)| *known == of) {
                 Some((_, other)) if other.ln_evidence < description.ln_evidence => *other = description,
                 Some(_) => {}
-                None => known.push((of, description)),
+                None => self.known.push((of, description)),
             }
         }
     }
-    let expanded = expanded.len();
-    Beam { descriptions: known.into_iter().map(|(_, description)| description).collect(), expanded }
+}
+
+/// The descriptions that lack one item of another.
+fn neighbours_below(bench: &Bench<'_>, description: &Description) -> Vec<Description> {
+    items(description).par_iter().filter_map(|&item| without(bench, description, item)).collect()
 }

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::beside::Beside;
 use crate::catalogue::{Candidate, Column, Nonlinear, Search};
 use crate::description::columns;
+use crate::minimise::golden;
 use crate::second::bands::sums::Sums;
 use crate::second::evidence::fit::{Bench, Description, Placed};
 use crate::second::evidence::regressor::{Regressor, regressors};
@@ -20,6 +21,8 @@ const REFINED: usize = 4;
 const HALVED: usize = 3;
 /// Gain, nats, at which they are.
 const REFINED_TO: f64 = 0.05;
+/// Part of a cell of the grid to which a parameter is sought where steps lead nowhere.
+const SOUGHT_TO: f64 = 0.02;
 /// Difference over which a signature is differentiated, of the distance of two points of the grid.
 const DIFFERENCE: f64 = 1e-2;
 
@@ -179,8 +182,21 @@ impl Refine<'_> {
                 break;
             }
         }
+        if let ([_], true) = (here.as_slice(), reached <= first) {
+            (here, reached) = self.sought(&here, reached, &gain);
+            ln_width = f64::NEG_INFINITY;
+        }
         let spread = (of_grid - (reached - first)).max(ln_width.min(0.0));
         (here, if spread.is_finite() { spread.min(0.0) } else { of_grid })
+    }
+
+    /// The one parameter sought between its neighbours on the grid, where steps lead nowhere: a threshold changes what it adds from
+    /// row to row.
+    fn sought(&self, here: &[f64], reached: f64, gain: &dyn Fn(&[Regressor]) -> f64) -> (Vec<f64>, f64) {
+        let cell = self.cell(0, here[0]);
+        let cost = |value: f64| -gain(&self.whitened(&self.columns(&[value])));
+        let (value, cost) = golden(here[0] - cell, here[0] + cell, SOUGHT_TO * cell, cost);
+        if -cost > reached { (vec![value], -cost) } else { (here.to_vec(), reached) }
     }
 
     /// A Gauss–Newton step of the parameters, and the logarithm of the part of the grid that they are left with.

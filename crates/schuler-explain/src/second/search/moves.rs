@@ -108,6 +108,9 @@ fn touched_by(placed: &Placed) -> Vec<usize> {
 /// The best of the descriptions that have one item more, fitted.
 pub fn with_one_more(bench: &Bench<'_>, library: &[Shelf], description: &Description) -> Vec<Description> {
     let config = bench.problem.config;
+    let is_grid = |offer: &Offer| {
+        matches!(bench.problem.candidates[offer.candidate].search, Search::Grid { .. })
+    };
     let best = |mut offers: Vec<Offer>| {
         offers.sort_by(|a, b| b.ln_gain.total_cmp(&a.ln_gain).then(a.candidate.cmp(&b.candidate)));
         offers.truncate(config.fitted_moves);
@@ -120,7 +123,9 @@ pub fn with_one_more(bench: &Bench<'_>, library: &[Shelf], description: &Descrip
     }
     let mut effects: Vec<(usize, Placed)> = Vec::new();
     for beside in ways.iter().flatten() {
-        let chosen: Vec<Offer> = [best(offers(beside, library)), best(scans(beside))].concat();
+        // A grid may miss the best by much, so that its offers are compared with each other.
+        let (grids, linear): (Vec<Offer>, Vec<Offer>) = offers(beside, library).into_iter().partition(is_grid);
+        let chosen: Vec<Offer> = [best(linear), best(grids), best(scans(beside))].concat();
         let more: Vec<(usize, Placed)> =
             chosen.par_iter().map(|offer| (offer.candidate, placed(beside, offer))).collect();
         for (candidate, placed) in more {
