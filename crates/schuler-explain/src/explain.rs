@@ -172,7 +172,7 @@ pub(crate) fn against_constants(recording: &Recording) -> Cow<'_, Recording> {
     Cow::Owned(recording)
 }
 
-fn unless_cancelled(watch: &dyn Watch) -> Result<(), Error> {
+pub(crate) fn unless_cancelled(watch: &dyn Watch) -> Result<(), Error> {
     if watch.is_cancelled() { Err(Error::Cancelled) } else { Ok(()) }
 }
 

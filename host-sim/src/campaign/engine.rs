@@ -9,6 +9,8 @@ pub enum Engine {
     /// The engine of `schuler_explain::explain`.
     #[default]
     First,
+    /// The engine of `schuler_explain::second`.
+    Second,
 }
 
 impl Engine {
@@ -16,6 +18,7 @@ impl Engine {
     pub fn name(self) -> &'static str {
         match self {
             Self::First => "first",
+            Self::Second => "second",
         }
     }
 }

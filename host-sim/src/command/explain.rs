@@ -6,6 +6,7 @@ use schuler_explain::deploy::{Deployed, Deployment, Stations, deploy};
 use schuler_explain::evidence::evidence;
 use schuler_explain::explain::{self, Options, explain_watched};
 use schuler_explain::explanation::Explanation;
+use schuler_explain::second;
 use schuler_link::block;
 use schuler_recording::{Error, Problem, Recording};
 use serde::Serialize;
@@ -91,6 +92,7 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
     let options = Options { level: arguments.level, ..Options::default() };
     let explained = match arguments.engine {
         Engine::First => explain_watched(&recording, &options, &progress),
+        Engine::Second => second::explain_watched(&recording, &second::config::Config::default(), &progress),
     };
     let (explanation, arrays) = explained.map_err(|error| match error {
         explain::Error::Cancelled => Failure::Stopped(Interrupted),

@@ -93,7 +93,7 @@ enum Command {
     /// Write a table, or a case with its table, in another format.
     Convert(convert::Arguments),
     /// Conceal effects in many cases, look for them, and score what was found.
-    Campaign(campaign::Arguments),
+    Campaign(Box<campaign::Arguments>),
     /// Find all thermal coefficients from one run at changing temperature, and what it cannot tell.
     Calibrate(calibrate::Arguments),
     /// Compare every way of isolating a gyro with the optimum, by Monte Carlo.

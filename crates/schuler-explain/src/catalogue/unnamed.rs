@@ -3,8 +3,8 @@
 //! Without such a rival whatever stands nearest in the catalogue would be named as surely as what is there.
 use std::f64::consts::PI;
 
-use super::draft::{Draft, ITSELF, Plausible, amplitude, any, at_each_place};
 use super::Effect;
+use super::draft::{Draft, ITSELF, Plausible, amplitude, any, at_each_place};
 
 /// Cosines of which a smooth function is made.
 const TERMS: usize = 6;
@@ -51,7 +51,9 @@ fn ranks(values: &[f64]) -> Vec<f64> {
     let mut from = 0;
     for equal in order.chunk_by(|&a, &b| values[a] == values[b]) {
         let middle = (from as f64 + 0.5 * (equal.len() as f64 - 1.0)) / last;
-        equal.iter().for_each(|&row| ranks[row] = middle);
+        for &row in equal {
+            ranks[row] = middle;
+        }
         from += equal.len();
     }
     ranks

@@ -16,4 +16,4 @@ pub mod noise;
 pub mod problem;
 pub mod search;
 
-pub use answer::explain;
+pub use answer::{explain, explain_watched};

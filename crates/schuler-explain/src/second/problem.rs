@@ -3,13 +3,12 @@ use std::collections::HashMap;
 
 use rayon::prelude::*;
 
-use crate::catalogue::{
-    CATALOGUE, Candidate, Effect, Port, Search, Target, UNNAMED, share_equal_series,
-};
+use crate::catalogue::{CATALOGUE, Candidate, Effect, Port, Search, Target, UNNAMED, share_equal_series};
 use crate::description::sensors_of;
 use crate::inputs::Inputs;
 use crate::nominal::Model;
 use crate::second::config::Config;
+use crate::watch::Watch;
 
 /// A case to be explained.
 pub struct Problem<'p> {
@@ -23,6 +22,8 @@ pub struct Problem<'p> {
     pub ln_prior: Vec<f64>,
     /// What decides.
     pub config: &'p Config,
+    /// Who watches.
+    pub watch: &'p dyn Watch,
 }
 
 impl<'p> Problem<'p> {
@@ -32,9 +33,10 @@ impl<'p> Problem<'p> {
         model: &'p Model,
         candidates: Vec<Candidate>,
         config: &'p Config,
+        watch: &'p dyn Watch,
     ) -> Self {
         let ln_prior = ln_prior(&candidates, config);
-        Self { inputs, model, candidates, ln_prior, config }
+        Self { inputs, model, candidates, ln_prior, config, watch }
     }
 
     /// Time of each row from the first, s.

@@ -53,9 +53,7 @@ pub fn findings(
 ) -> Vec<Finding> {
     let is_told = |posterior: &&Posterior| {
         let is_nuisance = match posterior.item {
-            Item::Change(place) => {
-                super::is_unstated(case.model, description.changes[place].source)
-            }
+            Item::Change(place) => super::is_unstated(case.model, description.changes[place].source),
             Item::Placed(_) => false,
         };
         let is_unnamed = matches!(posterior.item, Item::Placed(_)) && is_unnamed(case, posterior);

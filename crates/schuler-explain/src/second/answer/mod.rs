@@ -9,9 +9,11 @@ pub mod posterior;
 
 use schuler_recording::Recording;
 
+use crate::arrays::arrays;
+use crate::evidence::CaseArrays;
 use crate::explain::{
-    Error, account_for_lattices, against_constants, estimate_unknown, is_of_angle, long_enough, model_without,
-    no_singular_noise,
+    Error, account_for_lattices, against_constants, estimate_unknown, is_of_angle, long_enough,
+    model_without, no_singular_noise, unless_cancelled,
 };
 use crate::explanation::{Explanation, FORMAT, Fit, Verdict};
 use crate::hold_out::hold_out;
@@ -30,7 +32,7 @@ use crate::second::search::beam::{Beam, search};
 use crate::second::search::library::{Shelf, library, whitened_again};
 use crate::second::search::moves::nothing;
 use crate::state::{Case, State};
-use crate::watch::Unwatched;
+use crate::watch::{Phase, Unwatched, Watch};
 
 /// Passes in which the record is whitened anew by the noise that was found.
 const PASSES: usize = 2;
@@ -40,7 +42,20 @@ const PASSES: usize = 2;
 /// # Errors
 /// What in the recording or the case leaves nothing to explain.
 pub fn explain(recording: &Recording, config: &Config) -> Result<Explanation, Error> {
+    explain_watched(recording, config, &Unwatched).map(|(explanation, _)| explanation)
+}
+
+/// As [`explain`], with the arrays that show it, and watched.
+///
+/// # Errors
+/// As [`explain`], and [`Error::Cancelled`].
+pub fn explain_watched(
+    recording: &Recording,
+    config: &Config,
+    watch: &dyn Watch,
+) -> Result<(Explanation, CaseArrays), Error> {
     long_enough(recording)?;
+    watch.progress(Phase::Prepare, 0.0);
     let recording = against_constants(recording);
     let inputs = Inputs::new(&recording);
     let unmasked = model_without(&[], &inputs)?;
@@ -54,9 +69,13 @@ pub fn explain(recording: &Recording, config: &Config) -> Result<Explanation, Er
     no_singular_noise(&model, &model.nominal_noises())?;
     let candidates = candidates(&inputs, &model);
     let model = within_delays(&model, &candidates);
-    let problem = Problem::new(&inputs, &model, candidates, config);
+    unless_cancelled(watch)?;
+    let problem = Problem::new(&inputs, &model, candidates, config, watch);
+    watch.progress(Phase::Search, 0.0);
     let searched = searched(&problem, &nuisances)?;
-    told(&searched, &faults.found, &nuisances)
+    unless_cancelled(watch)?;
+    watch.progress(Phase::Judge, 0.0);
+    Ok(told(&searched, &faults.found, &nuisances))
 }
 
 /// The sums of all blocks whitened by given noises.
@@ -117,11 +136,11 @@ fn is_far(bench: &Bench<'_>, description: &Description) -> bool {
 }
 
 /// The explanation that the descriptions of a search tell.
-fn told(searched: &Searched<'_>, faults: &[Fault], nuisances: &[SourceKnob]) -> Result<Explanation, Error> {
+fn told(searched: &Searched<'_>, faults: &[Fault], nuisances: &[SourceKnob]) -> (Explanation, CaseArrays) {
     let Searched { bench, library, beam } = searched;
     let problem = bench.problem;
     let (inputs, model, config) = (problem.inputs, problem.model, problem.config);
-    let case = Case::new(model, &problem.candidates, &inputs.time_s, &Unwatched);
+    let case = Case::new(model, &problem.candidates, &inputs.time_s, problem.watch);
     let best = &beam.descriptions[0];
     let posterior = posterior::posterior(bench, library, beam);
     let null = State {
@@ -151,7 +170,8 @@ fn told(searched: &Searched<'_>, faults: &[Fault], nuisances: &[SourceKnob]) -> 
     let fit = if config.hold_out { hold_out(&case, &null, &state) } else { Fit::default() };
     let mut notes = inputs.recording.warnings.clone();
     notes.extend(model.notes.iter().cloned());
-    Ok(Explanation { format: FORMAT, verdict, findings: found, fit, located, remainder, notes })
+    let shown = arrays(&case, &null, &state, &found);
+    (Explanation { format: FORMAT, verdict, findings: found, fit, located, remainder, notes }, shown)
 }
 
 /// Whether the noise of a source is not stated.

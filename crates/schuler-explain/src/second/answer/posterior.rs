@@ -33,12 +33,12 @@ pub fn posterior(bench: &Bench<'_>, library: &[Shelf], beam: &Beam) -> Vec<Poste
         let mut members: Vec<(usize, Vec<f64>)> = vec![(candidate, vec![best.ln_evidence])];
         for (other, ln_evidence) in scored.iter().filter(|(other, _)| *other != own) {
             match more_than(other, &rest) {
-                Some(None) => absent.push(*ln_evidence),
-                Some(Some(member)) => match members.iter_mut().find(|(known, _)| *known == member) {
+                More::Nothing => absent.push(*ln_evidence),
+                More::One(member) => match members.iter_mut().find(|(known, _)| *known == member) {
                     Some((_, all)) => all.push(*ln_evidence),
                     None => members.push((member, vec![*ln_evidence])),
                 },
-                None => {}
+                More::Other => {}
             }
         }
         for (member, ln_evidence) in not_fitted(bench, library, best, item) {
@@ -91,17 +91,27 @@ fn rest_of(description: &Description, item: Item) -> (Structure, usize) {
     (structure(&less), candidate)
 }
 
-/// What a structure has beside another of which it has all: nothing, or one candidate. None if it lacks anything or has
-/// more.
-fn more_than(structure: &Structure, rest: &Structure) -> Option<Option<usize>> {
+/// What a structure has beside another.
+enum More {
+    /// Nothing: they are the same.
+    Nothing,
+    /// One candidate.
+    One(usize),
+    /// More, or it lacks something.
+    Other,
+}
+
+fn more_than(structure: &Structure, rest: &Structure) -> More {
     let mut others = structure.clone();
     for (candidate, _) in rest {
-        let at = others.iter().position(|(other, _)| other == candidate)?;
-        others.remove(at);
+        match others.iter().position(|(other, _)| other == candidate) {
+            Some(at) => others.remove(at),
+            None => return More::Other,
+        };
     }
     match others.as_slice() {
-        [] => Some(None),
-        [(candidate, _)] => Some(Some(*candidate)),
-        _ => None,
+        [] => More::Nothing,
+        [(candidate, _)] => More::One(*candidate),
+        _ => More::Other,
     }
 }

@@ -45,7 +45,9 @@ impl Layout {
     pub fn transform(&self, values: &mut [f64]) {
         self.transform.process_dct2(values);
         let scale = (2.0 / self.rows as f64).sqrt();
-        values.iter_mut().for_each(|value| *value *= scale);
+        for value in values.iter_mut() {
+            *value *= scale;
+        }
         if let Some(first) = values.first_mut() {
             *first *= 0.5_f64.sqrt();
         }
@@ -54,7 +56,9 @@ impl Layout {
     /// Its inverse, which is its transpose.
     pub fn inverse(&self, values: &mut [f64]) {
         let scale = (2.0 / self.rows as f64).sqrt();
-        values.iter_mut().for_each(|value| *value *= scale);
+        for value in values.iter_mut() {
+            *value *= scale;
+        }
         if let Some(first) = values.first_mut() {
             // The transform takes half of the first coefficient.
             *first *= 2.0_f64.sqrt();

@@ -150,7 +150,8 @@ impl Sums {
         let keys: Vec<(u64, usize)> =
             values.iter().map(|values| (fingerprint(values), values.len())).collect();
         let known = |store: &Store| keys.iter().map(|key| store.by_content.get(key).copied()).collect();
-        let mut ids: Vec<Option<SeriesId>> = known(&self.store.read().unwrap_or_else(PoisonError::into_inner));
+        let mut ids: Vec<Option<SeriesId>> =
+            known(&self.store.read().unwrap_or_else(PoisonError::into_inner));
         let new: Vec<usize> = (0..values.len()).filter(|&index| ids[index].is_none()).collect();
         let columns: Vec<&[f64]> = new.iter().map(|&index| values[index]).collect();
         let entries: Vec<Option<Entry>> =
@@ -235,7 +236,7 @@ impl Sums {
 /// Spectrum of all sources of a block of one channel at `omega` rad a row.
 pub fn total_spectrum(block: &Block, noises: &[Noise], omega: f64) -> f64 {
     let of = |(place, &source): (usize, &usize)| {
-        let through: f64 = block.noise_transfer(place, omega).iter().map(|value| value.norm_sqr()).sum();
+        let through: f64 = block.noise_transfer(place, omega).iter().map(nalgebra::Complex::norm_sqr).sum();
         through * noises[source].spectrum(omega, block.step_s())
     };
     block.sources.iter().enumerate().map(of).sum()

@@ -125,16 +125,12 @@ impl Bench<'_> {
     /// The description fitted where `touched`: the better of what two starts lead to, from full trust and from the weights that it
     /// has. None where it cannot be told from a part of itself.
     pub fn fitted(&self, description: &Description, touched: &[usize]) -> Option<Description> {
-        let trusting = self.from_full_trust(description, touched)?;
+        let trusting = self.with_full_trust(description, touched)?;
         let first = self.converged(trusting, touched);
-        let is_robust = |&block: &usize| {
-            description.blocks[block].as_ref().is_some_and(|fit| fit.nu.is_finite())
-        };
-        let second = if touched.iter().any(is_robust) {
-            self.converged(description.clone(), touched)
-        } else {
-            None
-        };
+        let is_robust =
+            |&block: &usize| description.blocks[block].as_ref().is_some_and(|fit| fit.nu.is_finite());
+        let second =
+            if touched.iter().any(is_robust) { self.converged(description.clone(), touched) } else { None };
         match (first, second) {
             (Some(first), Some(second)) if second.ln_evidence > first.ln_evidence => Some(second),
             (Some(first), _) => Some(first),
@@ -142,7 +138,7 @@ impl Bench<'_> {
         }
     }
 
-    fn from_full_trust(&self, description: &Description, touched: &[usize]) -> Option<Description> {
+    fn with_full_trust(&self, description: &Description, touched: &[usize]) -> Option<Description> {
         let mut trusting = description.clone();
         for &block in touched {
             let Some(sums) = &self.sums[block] else { continue };
@@ -216,7 +212,8 @@ impl Bench<'_> {
     /// The evidence of a description whose blocks are fitted.
     fn ln_evidence(&self, description: &Description, solved: &Solved) -> Option<f64> {
         let (problem, config) = (self.problem, self.problem.config);
-        let mut sum: f64 = (description.blocks.iter().flatten()).map(|fit| fit.log_likelihood + fit.occam).sum();
+        let mut sum: f64 =
+            (description.blocks.iter().flatten()).map(|fit| fit.log_likelihood + fit.occam).sum();
         sum -= 0.5 * solved.root.ln_determinant();
         let constants = self.constants.len();
         let of_constants = solved.normal.view((0, 0), (constants, constants)).into_owned();

@@ -38,12 +38,17 @@ impl System<'_> {
         let mut sum = 0.0;
         for first in &a.parts {
             for second in b.parts.iter().filter(|second| second.block == first.block) {
-                let (Some(sums), Some(weights)) = (&self.sums[first.block], &self.weights[first.block]) else {
+                let (Some(sums), Some(weights)) = (&self.sums[first.block], &self.weights[first.block])
+                else {
                     continue;
                 };
                 let products = sums.products(first.series, second.series);
                 let weights = weights.of_places.iter();
-                sum += products.iter().zip(weights).map(|(p, w)| p * w[(first.place, second.place)]).sum::<f64>();
+                sum += products
+                    .iter()
+                    .zip(weights)
+                    .map(|(p, w)| p * w[(first.place, second.place)])
+                    .sum::<f64>();
             }
         }
         sum
@@ -73,7 +78,12 @@ impl System<'_> {
     }
 
     /// Products of the channels of a block by band, what is described taken out.
-    pub fn power_left(&self, block: usize, described: &Described<'_>, amplitudes: &DVector<f64>) -> Vec<DMatrix<f64>> {
+    pub fn power_left(
+        &self,
+        block: usize,
+        described: &Described<'_>,
+        amplitudes: &DVector<f64>,
+    ) -> Vec<DMatrix<f64>> {
         let Some(sums) = &self.sums[block] else { return Vec::new() };
         let mut power = sums.between_channels.clone();
         let parts: Vec<(f64, super::regressor::Part)> = (described.regressors.iter().zip(amplitudes.iter()))

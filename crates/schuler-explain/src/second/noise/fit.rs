@@ -100,8 +100,7 @@ impl Observed<'_> {
             return self.derivatives_of_one(noises, free);
         }
         let here = Covariances::new(self.block, self.sums, noises)?;
-        let moved =
-            |&knob: &SourceKnob| Covariances::new(self.block, self.sums, &raised(noises, knob));
+        let moved = |&knob: &SourceKnob| Covariances::new(self.block, self.sums, &raised(noises, knob));
         let moved: Vec<Covariances> = free.iter().map(moved).collect::<Option<_>>()?;
         let (size, width) = (free.len(), self.sums.width() as f64);
         let (mut gradient, mut information) = (DVector::zeros(size), DMatrix::zeros(size, size));
@@ -117,8 +116,7 @@ impl Observed<'_> {
             for i in 0..size {
                 let change = &moved[i].inverse[band] - &here.inverse[band];
                 let of_quadratic = change.dot(&self.power[band]) / DIFFERENCE;
-                let of_determinant =
-                    (moved[i].ln_determinant[band] - here.ln_determinant[band]) / DIFFERENCE;
+                let of_determinant = (moved[i].ln_determinant[band] - here.ln_determinant[band]) / DIFFERENCE;
                 gradient[i] -= 0.5 * (weight * of_quadratic + count * of_determinant);
                 for j in 0..=i {
                     let both = changes[i].dot(&changes[j].transpose());

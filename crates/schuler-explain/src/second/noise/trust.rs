@@ -40,7 +40,11 @@ pub fn ln_mean(logarithms: impl Iterator<Item = f64> + Clone) -> f64 {
 /// Sum of numbers that are given by their logarithms; −∞ of none.
 pub fn ln_sum(logarithms: impl Iterator<Item = f64> + Clone) -> f64 {
     let most = logarithms.clone().fold(f64::NEG_INFINITY, f64::max);
-    if most.is_finite() { most + logarithms.map(|value| (value - most).exp()).sum::<f64>().ln() } else { most }
+    if most.is_finite() {
+        most + logarithms.map(|value| (value - most).exp()).sum::<f64>().ln()
+    } else {
+        most
+    }
 }
 
 #[cfg(test)]

@@ -34,7 +34,8 @@ impl Covariances {
                 covariance.ger(level, vector, vector, 1.0);
             }
             let root = covariance.cholesky()?;
-            of.ln_determinant.push(2.0 * root.l_dirty().diagonal().iter().map(|value| value.ln()).sum::<f64>());
+            of.ln_determinant
+                .push(2.0 * root.l_dirty().diagonal().iter().map(|value| value.ln()).sum::<f64>());
             of.inverse.push(root.inverse());
         }
         Some(of)

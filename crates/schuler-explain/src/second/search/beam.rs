@@ -52,7 +52,9 @@ impl Kept {
                     !self.expanded.contains(of) && description.ln_evidence > best - config.expanded_within
                 })
                 .cloned();
-            let Some((of, description)) = next else { return };
+            let Some((of, description)) = next.filter(|_| !bench.problem.watch.is_cancelled()) else {
+                return;
+            };
             self.expanded.insert(of);
             let mut bases = neighbours_below(bench, &description);
             let mut found = bases.clone();

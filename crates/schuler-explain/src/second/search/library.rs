@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::beside::Beside;
 use crate::catalogue::{Candidate, Column, Nonlinear, Search};
+use crate::description::Term;
 use crate::description::columns;
 use crate::minimise::golden;
 use crate::second::bands::sums::Sums;
@@ -14,7 +15,6 @@ use crate::second::evidence::regressor::{Regressor, regressors};
 use crate::second::evidence::system::{Described, root_of};
 use crate::second::noise::trust::ln_mean;
 use crate::second::problem::Problem;
-use crate::description::Term;
 
 /// Steps at most by which the parameters of a grid are refined, and how often each is shortened.
 const REFINED: usize = 4;
@@ -150,9 +150,8 @@ impl Refine<'_> {
     /// approximation where that is more than the grid tells.
     fn refined(&self, point: &[f64], of_grid: f64) -> (Vec<f64>, f64) {
         let described = self.beside.described();
-        let gain = |whitened: &[Regressor]| {
-            self.beside.ln_gain(&described, whitened, self.candidate, self.is_unit)
-        };
+        let gain =
+            |whitened: &[Regressor]| self.beside.ln_gain(&described, whitened, self.candidate, self.is_unit);
         let mut here = point.to_vec();
         let mut whitened = self.whitened(&self.columns(&here));
         let first = gain(&whitened);
@@ -200,7 +199,12 @@ impl Refine<'_> {
     }
 
     /// A Gauss–Newton step of the parameters, and the logarithm of the part of the grid that they are left with.
-    fn step(&self, described: &Described<'_>, point: &[f64], whitened: &[Regressor]) -> Option<(Vec<f64>, f64)> {
+    fn step(
+        &self,
+        described: &Described<'_>,
+        point: &[f64],
+        whitened: &[Regressor],
+    ) -> Option<(Vec<f64>, f64)> {
         let count = whitened.len();
         let amplitudes: Vec<f64> = if self.is_unit {
             vec![1.0; count]
@@ -225,7 +229,8 @@ impl Refine<'_> {
         for row in 0..scores.len() {
             scores[row] -= (0..fixed).map(|column| normal.information[(row, column)]).sum::<f64>();
         }
-        let information = normal.information.view((fixed, fixed), (all.len() - fixed, all.len() - fixed)).into_owned();
+        let information =
+            normal.information.view((fixed, fixed), (all.len() - fixed, all.len() - fixed)).into_owned();
         let root = root_of(&information)?;
         let solved = root.solve(&scores.rows(fixed, all.len() - fixed).into_owned());
         let from = all.len() - fixed - size;
@@ -263,8 +268,7 @@ fn slope(above: &[Column], below: &[Column], amplitudes: &[f64], difference: f64
 pub fn whitened_again(bench: &Bench<'_>, description: &Description) -> Description {
     let mut again = description.clone();
     for placed in &mut again.placed {
-        let whitened =
-            regressors(bench.problem.model, &bench.sums, &placed.term.columns, placed.term.port);
+        let whitened = regressors(bench.problem.model, &bench.sums, &placed.term.columns, placed.term.port);
         placed.regressors = Arc::new(whitened);
     }
     again

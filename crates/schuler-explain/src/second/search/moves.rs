@@ -60,7 +60,10 @@ fn take_back(bench: &Bench<'_>, description: &mut Description, change: &Change) 
         match knob {
             Knob::MarkovSigma(part) if part >= noise.markov.len() => markov.push(part),
             Knob::CosineSigma(part) if part >= noise.exp_cos.len() => cosine.push(part),
-            Knob::MarkovSigma(_) | Knob::MarkovTau(_) | Knob::CosineSigma(_) | Knob::CosineAlpha(_)
+            Knob::MarkovSigma(_)
+            | Knob::MarkovTau(_)
+            | Knob::CosineSigma(_)
+            | Knob::CosineAlpha(_)
             | Knob::CosineBeta(_) => {}
             _ => noise.adopt(&current, &[knob]),
         }
@@ -108,9 +111,8 @@ fn touched_by(placed: &Placed) -> Vec<usize> {
 /// The best of the descriptions that have one item more, fitted.
 pub fn with_one_more(bench: &Bench<'_>, library: &[Shelf], description: &Description) -> Vec<Description> {
     let config = bench.problem.config;
-    let is_grid = |offer: &Offer| {
-        matches!(bench.problem.candidates[offer.candidate].search, Search::Grid { .. })
-    };
+    let is_grid =
+        |offer: &Offer| matches!(bench.problem.candidates[offer.candidate].search, Search::Grid { .. });
     let best = |mut offers: Vec<Offer>| {
         offers.sort_by(|a, b| b.ln_gain.total_cmp(&a.ln_gain).then(a.candidate.cmp(&b.candidate)));
         offers.truncate(config.fitted_moves);
@@ -124,14 +126,15 @@ pub fn with_one_more(bench: &Bench<'_>, library: &[Shelf], description: &Descrip
     let mut effects: Vec<(usize, Placed)> = Vec::new();
     for beside in ways.iter().flatten() {
         // A grid may miss the best by much, so that its offers are compared with each other.
-        let (grids, linear): (Vec<Offer>, Vec<Offer>) = offers(beside, library).into_iter().partition(is_grid);
+        let (grids, linear): (Vec<Offer>, Vec<Offer>) =
+            offers(beside, library).into_iter().partition(is_grid);
         let chosen: Vec<Offer> = [best(linear), best(grids), best(scans(beside))].concat();
         let more: Vec<(usize, Placed)> =
             chosen.par_iter().map(|offer| (offer.candidate, placed(beside, offer))).collect();
         for (candidate, placed) in more {
-            let is_known = effects.iter().any(|(known, other)| {
-                *known == candidate && other.term.nonlinear == placed.term.nonlinear
-            });
+            let is_known = effects
+                .iter()
+                .any(|(known, other)| *known == candidate && other.term.nonlinear == placed.term.nonlinear);
             if !is_known {
                 effects.push((candidate, placed));
             }
@@ -164,14 +167,17 @@ fn with_other_noise(bench: &Bench<'_>, description: &Description) -> Vec<Descrip
         changes.iter().filter_map(|&(_, source, _)| problem.model.block_of_source(source)).collect();
     blocks.dedup();
     let of_block = |&index: &usize| -> Vec<(f64, Change, Vec<Noise>, usize)> {
-        let (Some(sums), Some(fit)) = (&bench.sums[index], &description.blocks[index]) else { return Vec::new() };
+        let (Some(sums), Some(fit)) = (&bench.sums[index], &description.blocks[index]) else {
+            return Vec::new();
+        };
         let block = &problem.model.blocks[index];
         let system = System { sums: &bench.sums, weights: &description.weights };
         let power = system.power_left(index, &description.described(bench), &description.amplitudes);
         let observed = Observed { block, sums, power: &power, nu: fit.nu };
         let duration_s = sums.rows() as f64 * block.step_s();
         let mut promised = Vec::new();
-        for &(candidate, source, change) in changes.iter().filter(|change| block.sources.contains(&change.1)) {
+        for &(candidate, source, change) in changes.iter().filter(|change| block.sources.contains(&change.1))
+        {
             let spread = observed.spread();
             let known = description.free_in(problem, index);
             let of_start = |start: Start| {
@@ -212,9 +218,10 @@ fn with_other_noise(bench: &Bench<'_>, description: &Description) -> Vec<Descrip
 /// What makes descriptions the same but for the values of their parameters.
 pub fn structure(description: &Description) -> Vec<(usize, Vec<String>)> {
     let placed = description.placed.iter().map(|placed| (placed.term.candidate, Vec::new()));
-    let changes = description.changes.iter().map(|change| {
-        (change.candidate, change.knobs.iter().map(|knob| format!("{knob:?}")).collect())
-    });
+    let changes = description
+        .changes
+        .iter()
+        .map(|change| (change.candidate, change.knobs.iter().map(|knob| format!("{knob:?}")).collect()));
     let mut all: Vec<(usize, Vec<String>)> = placed.chain(changes).collect();
     all.sort();
     all

@@ -43,7 +43,8 @@ pub fn scans(beside: &Beside<'_>) -> Vec<Offer> {
         let impulses = impulses(beside, index, sums);
         let of = |(number, candidate): (usize, &Candidate)| {
             let sensor = sensors_of(candidate).first().copied().filter(|it| block.sensors.contains(it))?;
-            let source = Source { beside, block, sums, index, impulses: &impulses, sensor, port: candidate.port };
+            let source =
+                Source { beside, block, sums, index, impulses: &impulses, sensor, port: candidate.port };
             match candidate.search {
                 Search::Onset(shape) => Some(source.onsets(number, shape)),
                 Search::Frequency => Some(source.lines(number)),
@@ -82,7 +83,11 @@ fn impulses(beside: &Beside<'_>, index: usize, sums: &Sums) -> Impulses {
         add(sums, index, regressor, 1.0, &mut channels);
         weighted(&channels)
     };
-    Impulses { left, described: here.par_iter().map(of).collect(), free: here.iter().map(|(place, _)| *place).collect() }
+    Impulses {
+        left,
+        described: here.par_iter().map(of).collect(),
+        free: here.iter().map(|(place, _)| *place).collect(),
+    }
 }
 
 /// A source whose shapes are scanned.
@@ -209,17 +214,18 @@ impl Source<'_> {
         let Some(weights) = &self.beside.weights[self.index] else { return Vec::new() };
         let place = self.place();
         let port = [Port::Output, Port::Accelerometer, Port::Gyro].iter().position(|it| *it == self.port);
-        let informations: Vec<f64> = (self.sums.layout.omega.iter().zip(&self.sums.base).zip(&weights.of_places))
-            .map(|((&omega, base), weight)| {
-                let through = if self.block.is_redundant() {
-                    1.0
-                } else {
-                    let transfer = self.block.transfer(port.unwrap_or_default(), omega);
-                    transfer.iter().map(nalgebra::Complex::norm_sqr).sum()
-                };
-                0.5 * rows as f64 * weight[(place, place)] / base * through
-            })
-            .collect();
+        let informations: Vec<f64> =
+            (self.sums.layout.omega.iter().zip(&self.sums.base).zip(&weights.of_places))
+                .map(|((&omega, base), weight)| {
+                    let through = if self.block.is_redundant() {
+                        1.0
+                    } else {
+                        let transfer = self.block.transfer(port.unwrap_or_default(), omega);
+                        transfer.iter().map(nalgebra::Complex::norm_sqr).sum()
+                    };
+                    0.5 * rows as f64 * weight[(place, place)] / base * through
+                })
+                .collect();
         let bands = &self.sums.layout.edges;
         let gain = |bin: usize| {
             let coefficient = (scores.step * bin as f64 / std::f64::consts::PI * rows as f64) as usize;

@@ -5,13 +5,12 @@ use crate::jump::jumps;
 use crate::second::evidence::fit::{Bench, Description, Placed};
 use crate::second::evidence::regressor::regressors;
 use crate::state::{self, Case};
-use crate::watch::Unwatched;
 
 /// The descriptions that have a telegraph beside what is described, fitted. The evidence is that of the telegraph's marginal likelihood
 /// over all histories: one history that is given would gain more.
 pub fn with_telegraph(bench: &Bench<'_>, description: &Description) -> Vec<Description> {
     let problem = bench.problem;
-    let case = Case::new(problem.model, &problem.candidates, problem.time_s(), &Unwatched);
+    let case = Case::new(problem.model, &problem.candidates, problem.time_s(), problem.watch);
     let terms: Vec<_> = description.placed.iter().map(|placed| placed.term.clone()).collect();
     let rows = state::Bench::new(&case, &terms, &description.noises);
     let with = |found: crate::search::Proposal| {
