@@ -786,7 +786,12 @@ pub fn case(scenario: &Scenario) -> Case {
     }
     Case {
         title: scenario.title.clone(),
-        recording: Source { path: RECORDING.into(), time: "t".to_owned(), step_s: Some(scenario.step_s) },
+        recording: Source {
+            path: RECORDING.into(),
+            time: "t".to_owned(),
+            step_s: Some(scenario.step_s),
+            ..Source::default()
+        },
         site: Some(NominalSite {
             latitude_deg: site.latitude.to_degrees(),
             longitude_deg: None,

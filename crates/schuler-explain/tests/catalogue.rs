@@ -117,7 +117,12 @@ impl Scene {
     fn new(kind: MotionKind, rows: usize, step_s: f64) -> Self {
         let case = Case {
             title: String::new(),
-            recording: Source { path: "r.csv".into(), time: "t".into(), step_s: Some(step_s) },
+            recording: Source {
+                path: "r.csv".into(),
+                time: "t".into(),
+                step_s: Some(step_s),
+                ..Source::default()
+            },
             site: None,
             motion: Motion { kind, ..Motion::default() },
             schuler_loop: None,

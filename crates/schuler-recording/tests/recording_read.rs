@@ -267,6 +267,107 @@ proptest! {
     }
 }
 
+/// A case of one gyro in "r.csv", with further lines of its recording.
+fn gyro_case(more: &str) -> String {
+    format!(
+        "format = \"schuler-case/1\"\n[recording]\npath = \"r.csv\"\ntime = \"t\"\n{more}\n[[sensor]]\nid = \"x\"\n\
+         kind = \"mems_gyro\"\ncolumn = \"x\"\nunit = \"rad/s\"\naxis = [1.0, 0.0, 0.0]\n"
+    )
+}
+
+/// A table of times and their row numbers.
+fn numbered(times: impl Iterator<Item = String>) -> String {
+    let mut table = String::from("t,x\n");
+    for (row, time) in times.enumerate() {
+        writeln!(table, "{time},{row}").unwrap();
+    }
+    table
+}
+
+/// Rows read whole and as a stream.
+fn read_both(case_text: &str, table: &str) -> Recording {
+    let folder = TempDir::new().unwrap();
+    let path = case(&folder, case_text, table.as_bytes());
+    let whole = Recording::read(&path).unwrap();
+    let stream = Stream::open(CaseFile::read(&path).unwrap(), |_| Ok::<(), Error>(())).unwrap();
+    assert_eq!((stream.rows(), stream.start_s()), (whole.len(), whole.time_s[0]));
+    assert_eq!((stream.head().step_s, &stream.head().warnings), (whole.step_s, &whole.warnings));
+    let chunks: Vec<Recording> = stream.chunks().unwrap().collect::<Result<_, _>>().unwrap();
+    let time_s: Vec<f64> = chunks.iter().flat_map(|chunk| chunk.time_s.clone()).collect();
+    assert_eq!(time_s, whole.time_s);
+    let inserted: Vec<bool> = chunks.iter().flat_map(|chunk| chunk.inserted.clone()).collect();
+    assert_eq!(inserted, whole.inserted);
+    whole
+}
+
+/// Samples at 200 Hz, stamped when they arrive in bursts of five; a burst that is lost is five missing rows, wherever its stamps
+/// leave them.
+#[test]
+fn bursts_of_arrivals_are_read_as_sampled_evenly() {
+    let arrival = |row: usize| (row / 5 + 1) as f64 * 0.025 + (row % 5) as f64 * 1e-4;
+    let whole = (0..10_000).map(|row| format!("{:.6}", arrival(row)));
+    let lost =
+        (0..10_000).filter(|row| !(6000..6005).contains(row)).map(|row| format!("{:.6}", arrival(row)));
+    for (table, missing) in [(numbered(whole), 0), (numbered(lost), 5)] {
+        for more in ["", "step_s = 0.005"] {
+            let recording = read_both(&gyro_case(more), &table);
+            assert_eq!(recording.step_s, 0.005);
+            assert_eq!(recording.len(), 10_000);
+            assert_eq!(recording.inserted.iter().filter(|&&inserted| inserted).count(), missing);
+            let off = |row: usize| recording.time_s[row] - recording.time_s[0] - 0.005 * row as f64;
+            assert!((0..10_000).all(|row| off(row).abs() < 0.005), "{}", off(9999));
+            assert!(recording.warnings[0].contains("r.csv: t: the stamps come in bursts of about 5"));
+        }
+    }
+    // The same with one stamp for the rows of a burst.
+    let together = numbered((0..10_000).map(|row| format!("{:.3}", (row / 5 + 1) as f64 * 0.025)));
+    assert_eq!(read_both(&gyro_case(""), &together).step_s, 0.005);
+}
+
+#[test]
+fn a_unit_of_time_is_stated_or_guessed_and_said() {
+    let stamps = |row: u64| (1_403_636_579_758_555_392 + 5_000_000 * row).to_string();
+    let table = numbered((0..2000).map(stamps));
+    let guessed = read_both(&gyro_case(""), &table);
+    assert_eq!(guessed.step_s, 0.005);
+    assert!(guessed.warnings[0].contains("time_unit = \"ns\""), "{:?}", guessed.warnings);
+    let stated = read_both(&gyro_case("time_unit = \"ns\""), &table);
+    assert_eq!((stated.step_s, stated.warnings.len()), (0.005, 0));
+    assert_eq!(stated.time_s[0], 1_403_636_579.758_555_4);
+    let milliseconds = numbered((0..100).map(|row| (row * 20).to_string()));
+    assert_eq!(read_both(&gyro_case("time_unit = \"ms\""), &milliseconds).step_s, 0.02);
+    let error = read(&gyro_case("time_unit = \"nanos\""), table.as_bytes()).unwrap_err();
+    assert!(error.contains("recording.time_unit: found \"nanos\"; expected one of s, ms, us, ns"), "{error}");
+}
+
+#[test]
+fn rows_that_come_twice_or_late_have_a_stated_remedy() {
+    let mut table = String::from("t,x\n");
+    for row in 0..9000 {
+        writeln!(table, "{:.2},{row}", f64::from(row) * 0.01).unwrap();
+        if row % 100 == 50 {
+            writeln!(table, "{:.2},{}", f64::from(row) * 0.01, row + 1).unwrap();
+            writeln!(table, "{:.2},0", f64::from(row - 3) * 0.01).unwrap();
+        }
+    }
+    let error = read(&gyro_case(""), table.as_bytes()).unwrap_err();
+    assert!(error.starts_with("r.csv:53: t: row 52: found time 0.5 after 0.5; expected"), "{error}");
+    assert!(error.contains("recording.duplicates"), "{error}");
+    let mean = |remedy: &str, row: usize| {
+        let recording = read_both(&gyro_case(&format!("duplicates = \"{remedy}\"")), &table);
+        assert_eq!((recording.len(), recording.step_s), (9000, 0.01));
+        assert!(recording.warnings[0].contains("90 rows with the time of the row before"));
+        assert!(recording.warnings[1].contains("90 rows earlier"), "{:?}", recording.warnings);
+        recording.sensors[0].values[row]
+    };
+    assert_eq!((mean("drop", 50), mean("average", 50)), (50.0, 50.5));
+    // The last row of a chunk of the table may be repeated in the next.
+    assert_eq!((mean("drop", 8999), mean("average", 8999)), (8999.0, 8999.0));
+    let back = numbered((0..500).chain(0..500).map(|row| row.to_string()));
+    let error = read(&gyro_case("duplicates = \"drop\""), back.as_bytes()).unwrap_err();
+    assert!(error.starts_with("r.csv:502: t: found 499 of 1000 rows earlier"), "{error}");
+}
+
 /// Every row of a stream is that of the recording read whole: gaps within a chunk, from one into the next and longer than one,
 /// missing and infinite values, with the nominal step given and not.
 #[test]

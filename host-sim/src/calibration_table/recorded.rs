@@ -169,6 +169,7 @@ impl CalibrationScenario {
                 path: RECORDING.into(),
                 time: "t".to_owned(),
                 step_s: Some(1.0 / table.samples_per_second as f64),
+                ..Source::default()
             },
             site: Some(Site {
                 latitude_deg: table.latitude.to_degrees(),

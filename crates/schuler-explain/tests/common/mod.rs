@@ -37,7 +37,12 @@ pub fn recording(motion: MotionKind, sensors: Vec<SensorSeries>) -> Recording {
     Recording {
         case: Case {
             title: String::new(),
-            recording: Source { path: "x.csv".into(), time: "t".to_owned(), step_s: Some(1.0) },
+            recording: Source {
+                path: "x.csv".into(),
+                time: "t".to_owned(),
+                step_s: Some(1.0),
+                ..Source::default()
+            },
             site: None,
             motion: Motion { kind: motion, ..Motion::default() },
             schuler_loop: None,

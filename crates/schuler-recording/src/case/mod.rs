@@ -102,15 +102,71 @@ impl Case {
 }
 
 /// Where the table is and what its time means.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Source {
     /// Path of the table, relative to the case's file.
     pub path: PathBuf,
-    /// Column of time, in seconds, strictly increasing, of any origin.
+    /// Column of time, increasing, of any origin.
     pub time: String,
-    /// Nominal step, s; without it the median step of the table.
+    /// Unit of the time; without it guessed from the column's name and from the stamps, which is said.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time_unit: Option<TimeUnit>,
+    /// Step, s; without it that of the clock that the stamps show.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub step_s: Option<f64>,
+    /// What becomes of rows that come twice or late; without it they are an error.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub duplicates: Option<Duplicates>,
+}
+
+/// Unit of a time column.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum TimeUnit {
+    /// Seconds.
+    #[default]
+    Second,
+    /// Milliseconds.
+    Millisecond,
+    /// Microseconds.
+    Microsecond,
+    /// Nanoseconds.
+    Nanosecond,
+}
+
+impl TimeUnit {
+    /// Every unit under its name in the case file.
+    pub const NAMES: [(&'static str, TimeUnit); 4] = [
+        ("s", TimeUnit::Second),
+        ("ms", TimeUnit::Millisecond),
+        ("us", TimeUnit::Microsecond),
+        ("ns", TimeUnit::Nanosecond),
+    ];
+
+    /// Seconds that one of it is.
+    pub const fn in_seconds(self) -> f64 {
+        match self {
+            Self::Second => 1.0,
+            Self::Millisecond => 1e-3,
+            Self::Microsecond => 1e-6,
+            Self::Nanosecond => 1e-9,
+        }
+    }
+}
+
+/// What becomes of rows whose time is not after that of the row before. Rows that are earlier are left out either way; more than
+/// a tenth of them are an error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Duplicates {
+    /// Of rows with one time the first is kept.
+    Drop,
+    /// Rows with one time are averaged, column by column.
+    Average,
+}
+
+impl Duplicates {
+    /// Every remedy under its name in the case file.
+    pub const NAMES: [(&'static str, Duplicates); 2] =
+        [("drop", Duplicates::Drop), ("average", Duplicates::Average)];
 }
 
 /// A place on the Earth.
@@ -486,7 +542,7 @@ macro_rules! named_in_the_file {
     )*};
 }
 
-named_in_the_file!(MotionKind, SensorKind, Quantity);
+named_in_the_file!(TimeUnit, Duplicates, MotionKind, SensorKind, Quantity);
 
 #[cfg(test)]
 mod tests {

@@ -2,8 +2,8 @@
 use std::path::Path;
 
 use super::{
-    Attitude, Auxiliary, Case, CaseFile, ELECTRONICS, ExponentialCosine, FORMAT, Markov, Motion, MotionKind,
-    Nominal, Quantity, SchulerLoop, Sensor, SensorKind, Site, Source, TemperatureBias,
+    Attitude, Auxiliary, Case, CaseFile, Duplicates, ELECTRONICS, ExponentialCosine, FORMAT, Markov, Motion,
+    MotionKind, Nominal, Quantity, SchulerLoop, Sensor, SensorKind, Site, Source, TemperatureBias, TimeUnit,
 };
 use crate::document::{Field, Node, Parsed, parse_with, suggestion};
 use crate::error::Error;
@@ -143,8 +143,16 @@ fn format_is_known(field: &Field<'_>) -> Option<()> {
 fn source(node: &Node<'_>) -> Option<Source> {
     let path = node.required("path", "the path of the table").and_then(|field| field.text());
     let time = node.required("time", "the name of the time column").and_then(|field| field.text());
+    let time_unit = optional(node, "time_unit", |field| field.one_of(&TimeUnit::NAMES));
     let step_s = optional(node, "step_s", positive);
-    Some(Source { path: path?.into(), time: time?, step_s: step_s? })
+    let duplicates = optional(node, "duplicates", |field| field.one_of(&Duplicates::NAMES));
+    Some(Source {
+        path: path?.into(),
+        time: time?,
+        time_unit: time_unit?,
+        step_s: step_s?,
+        duplicates: duplicates?,
+    })
 }
 
 fn site(node: &Node<'_>) -> Option<Site> {

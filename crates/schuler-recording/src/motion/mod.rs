@@ -12,6 +12,7 @@ use nalgebra::{Rotation3, Vector3};
 
 pub use kinematics::{Use, inertial_rate, specific_force};
 pub use predict::{Prediction, Unpredictable, is_resolved_over_earth, predict};
+pub(crate) use stamps::last_place;
 
 /// Rotation from body axes to north-east-down for roll, pitch and yaw in radians.
 pub fn body_to_ned(roll: f64, pitch: f64, yaw: f64) -> Rotation3<f64> {

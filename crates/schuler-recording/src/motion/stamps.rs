@@ -44,7 +44,7 @@ pub(super) fn sampling_times(time_s: &[f64]) -> Cow<'_, [f64]> {
 }
 
 /// The largest decimal place of seconds of which all stamps are multiples to within `bit_s`; 0 without one.
-fn last_place(time_s: &[f64], bit_s: f64) -> f64 {
+pub(crate) fn last_place(time_s: &[f64], bit_s: f64) -> f64 {
     (0..=FINEST_PLACE)
         .map(|place| 10.0_f64.powi(place))
         .find(|per_s| {

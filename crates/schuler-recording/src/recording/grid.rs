@@ -1,17 +1,19 @@
-//! The steps of a recording: the recorded times, and rows put in where steps are missing.
+//! The steps of a recording: the times of its rows, and rows put in where steps are missing.
 //!
 //! Clocks are not metronomes: a step of 1.0025 s under a nominal 1 s, stamps 66, 67 and 69 s apart under a nominal
-//! 66 s. Recorded times are therefore never moved. Two neighbours more than 1.5 nominal steps apart have a gap
-//! between them, which is filled with the missing rows: `round(dt / step) − 1` of them, at least one, equally spaced
-//! from neighbour to neighbour, so that index differences count steps on both sides of every gap.
+//! 66 s. Recorded times are therefore not moved, unless they are those of arrival ([`super::clock`]). Two neighbours more than
+//! 1.5 steps apart have a gap between them, which is filled with the missing rows: `round(dt / step) − 1` of them, at least one,
+//! equally spaced from neighbour to neighbour, so that index differences count steps on both sides of every gap.
+use super::clock::Clock;
+use super::even::{EvenWalk, Lost, LostRows};
 use crate::error::Problem;
 
 /// Neighbours further apart than this many nominal steps have a gap between them.
 pub const GAP_STEPS: f64 = 1.5;
-/// A table whose median step is below this many nominal steps contradicts its case.
-const LEAST_MEDIAN_STEPS: f64 = 0.5;
-/// Rows whose median step is the nominal one where the case gives none; a million, so that longer tables need not be kept.
-const MEDIAN_ROWS: usize = 1 << 20;
+/// Rows whose stamps show the clock; a million, so that longer tables need not be kept.
+const CLOCK_ROWS: usize = 1 << 20;
+/// What the case may say of stamps that do not increase.
+const REMEDY: &str = "state recording.duplicates, \"drop\" or \"average\", where messages come twice or late";
 /// Rows that may be put in whatever the length of the table: one wrong time stamp must not make gigabytes of a small file.
 const MOST_INSERTED: f64 = 2e5;
 /// Rows that may be put in for each recorded one, where that is more.
@@ -34,43 +36,54 @@ pub struct Gap {
 pub(super) struct Survey {
     column: String,
     nominal_s: Option<f64>,
-    /// Nominal step once it is known, s.
-    step_s: Option<f64>,
-    /// Distances of the rows until then, s.
-    distances_s: Vec<f64>,
+    /// The times until the clock is known, s.
+    stamps_s: Vec<f64>,
+    /// What follows the rows once it is.
+    counter: Option<Counter>,
     start_s: Option<f64>,
     last_s: Option<f64>,
     line: Option<usize>,
     rows: usize,
-    missing: f64,
+    /// The first time that is that of the row before, which only an even clock allows.
+    repeated: Option<Problem>,
     /// The longest distance: row and line behind it, and its length in seconds.
     longest: (usize, Option<usize>, f64),
 }
 
+/// Counts the rows that are missing.
+enum Counter {
+    Stamped { clock: Clock, missing: f64 },
+    Even { clock: Clock, search: Box<LostRows> },
+}
+
 /// What the times of a table are.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Times {
-    /// Nominal step, s.
+    /// Step, s.
     pub(super) step_s: f64,
     /// First time, s.
     pub(super) start_s: f64,
     /// Rows, recorded and to be put in.
     pub(super) rows: usize,
+    /// How to go from row to row.
+    pub(super) walk: Walk,
+    /// What the user should be told.
+    pub(super) note: Option<String>,
 }
 
 impl Survey {
-    /// Of a time column; without a nominal step, that is the median of the first [`MEDIAN_ROWS`].
+    /// Of a time column; the clock is that of the first [`CLOCK_ROWS`].
     pub(super) fn new(column: &str, nominal_s: Option<f64>) -> Self {
         Self {
             column: column.to_owned(),
             nominal_s,
-            step_s: None,
-            distances_s: Vec::new(),
+            stamps_s: Vec::new(),
+            counter: None,
             start_s: None,
             last_s: None,
             line: None,
             rows: 0,
-            missing: 0.0,
+            repeated: None,
             longest: (0, None, 0.0),
         }
     }
@@ -78,7 +91,7 @@ impl Survey {
     /// Looks at the next times, in the rows at these lines of the table.
     ///
     /// # Errors
-    /// A time that is missing or does not increase. A problem without a line is one of the nominal step.
+    /// A time that is missing or goes back. A problem without a line is one of the nominal step.
     pub(super) fn add(&mut self, time_s: &[f64], lines: &[u64]) -> Result<(), Problem> {
         for (index, &time) in time_s.iter().enumerate() {
             self.rows += 1;
@@ -87,14 +100,20 @@ impl Survey {
                 return Err(self.problem(format!("row {}: found no time; expected seconds", self.rows)));
             }
             if let Some(last_s) = self.last_s {
-                if time <= last_s {
-                    let found = format!("row {}: found time {time} after {last_s}", self.rows);
-                    return Err(self.problem(format!("{found}; expected a time that strictly increases")));
-                }
-                self.add_distance(time - last_s)?;
+                self.compare(time, last_s)?;
             }
             self.start_s.get_or_insert(time);
             self.last_s = Some(time);
+            match &mut self.counter {
+                None => {
+                    self.stamps_s.push(time);
+                    if self.stamps_s.len() == CLOCK_ROWS {
+                        self.settle()?;
+                    }
+                }
+                Some(Counter::Even { search, .. }) => search.add(time),
+                Some(Counter::Stamped { .. }) => {}
+            }
         }
         Ok(())
     }
@@ -102,52 +121,85 @@ impl Survey {
     /// What was seen.
     ///
     /// # Errors
-    /// Fewer than two rows, or a gap too long to be filled. A problem without a line is one of the nominal step.
+    /// Fewer than two rows, a time that comes twice, or a gap too long to be filled. A problem without a line is one of the
+    /// nominal step.
     pub(super) fn finish(mut self) -> Result<Times, Problem> {
-        let step_s = match self.step_s {
-            Some(step_s) => step_s,
-            None => self.settle()?,
-        };
-        let allowed = MOST_INSERTED.max(MOST_INSERTED_PER_ROW * self.rows as f64);
-        if self.missing > allowed {
-            let (row, line, jump_s) = self.longest;
-            let found = format!("row {row}: found a jump of {jump_s} s, {:.0} steps", jump_s / step_s);
-            let message = format!("{found}; expected a gap that can be filled: split the table");
-            return Err(Problem::new(line, self.column, message));
+        if self.counter.is_none() {
+            self.settle()?;
         }
         let start_s = self.start_s.unwrap_or_default();
-        Ok(Times { step_s, start_s, rows: self.rows + self.missing as usize })
+        let (clock, missing, walk) = match self.counter.take() {
+            Some(Counter::Even { clock, search }) => {
+                let lost = search.lost();
+                let missing = lost.iter().map(|&(_, count)| count as f64).sum();
+                let walk = Walk::even(&clock, lost);
+                (clock, missing, walk)
+            }
+            Some(Counter::Stamped { clock, missing }) => {
+                let walk = Walk::new(clock.step_s);
+                (clock, missing, walk)
+            }
+            None => return Err(self.problem("found no clock; expected increasing times".to_owned())),
+        };
+        let step_s = clock.step_s;
+        let allowed = MOST_INSERTED.max(MOST_INSERTED_PER_ROW * self.rows as f64);
+        if missing > allowed {
+            let (row, line, jump_s) = self.longest;
+            let found = format!("row {row}: found a jump of {jump_s} s, {:.0} steps", jump_s / step_s);
+            let message = format!(
+                "{found}; expected a gap that can be filled: split the table, or state its recording.step_s"
+            );
+            return Err(Problem::new(line, self.column, message));
+        }
+        let start_s = walk.clone().next(start_s).0;
+        Ok(Times { step_s, start_s, rows: self.rows + missing as usize, walk, note: clock.note })
     }
 
-    fn add_distance(&mut self, distance_s: f64) -> Result<(), Problem> {
+    /// Looks at a time beside the one before.
+    fn compare(&mut self, time: f64, last_s: f64) -> Result<(), Problem> {
+        let found = || format!("row {}: found time {time} after {last_s}", self.rows);
+        if time <= last_s {
+            let message = format!("{}; expected a time that strictly increases: {REMEDY}", found());
+            let problem = self.problem(message);
+            let even = matches!(self.counter, Some(Counter::Even { .. }));
+            if time < last_s || self.counter.is_some() && !even {
+                return Err(self.repeated.take().unwrap_or(problem));
+            }
+            self.repeated.get_or_insert(problem);
+        }
+        let distance_s = time - last_s;
         if distance_s > self.longest.2 {
             self.longest = (self.rows, self.line, distance_s);
         }
-        if let Some(step_s) = self.step_s {
-            self.missing += missing(distance_s, step_s);
-        } else {
-            self.distances_s.push(distance_s);
-            if self.distances_s.len() == MEDIAN_ROWS {
-                self.settle()?;
-            }
+        if let Some(Counter::Stamped { clock, missing: all }) = &mut self.counter {
+            *all += missing(distance_s, clock.step_s);
         }
         Ok(())
     }
 
-    /// Decides on the nominal step.
-    fn settle(&mut self) -> Result<f64, Problem> {
-        let mut distances_s = std::mem::take(&mut self.distances_s);
-        let Some(median_s) = median(&mut distances_s) else {
+    /// Decides on the clock.
+    fn settle(&mut self) -> Result<(), Problem> {
+        let stamps_s = std::mem::take(&mut self.stamps_s);
+        if stamps_s.len() < 2 {
             return Err(self.problem(format!("found {} rows; expected at least two", self.rows)));
-        };
-        let step_s = self.nominal_s.unwrap_or(median_s);
-        if median_s < LEAST_MEDIAN_STEPS * step_s {
-            let message = format!("found {step_s}; expected about {median_s}, the table's median step");
-            return Err(Problem::of_file(message));
         }
-        self.missing = distances_s.iter().map(|&distance_s| missing(distance_s, step_s)).sum();
-        self.step_s = Some(step_s);
-        Ok(step_s)
+        let clock = match Clock::of(&stamps_s, &self.column, self.nominal_s) {
+            Ok(clock) => clock,
+            // A time that comes twice is the nearer fault.
+            Err(message) => return Err(self.repeated.take().unwrap_or_else(|| Problem::of_file(message))),
+        };
+        self.counter = Some(if let Some(even) = &clock.even {
+            let mut search = Box::new(LostRows::new(even.clone()));
+            stamps_s.iter().for_each(|&stamp_s| search.add(stamp_s));
+            Counter::Even { clock, search }
+        } else {
+            if let Some(problem) = self.repeated.take() {
+                return Err(problem);
+            }
+            let missing = stamps_s.windows(2).map(|pair| missing(pair[1] - pair[0], clock.step_s)).sum();
+            Counter::Stamped { clock, missing }
+        });
+        Ok(())
     }
 
     fn problem(&self, message: String) -> Problem {
@@ -156,36 +208,60 @@ impl Survey {
 }
 
 /// Rows that are missing between two neighbours.
-fn missing(distance_s: f64, step_s: f64) -> f64 {
+pub(super) fn missing(distance_s: f64, step_s: f64) -> f64 {
     if distance_s > GAP_STEPS * step_s { ((distance_s / step_s).round() - 1.0).max(1.0) } else { 0.0 }
 }
 
 /// Goes from one recorded row to the next over the rows that are missing between them.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Walk {
-    step_s: f64,
-    last_s: Option<f64>,
-    /// Rows put in between the last recorded row and the next.
-    put_in: usize,
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Walk {
+    /// Along the stamps.
+    Stamped {
+        step_s: f64,
+        last_s: Option<f64>,
+        /// Rows put in between the last recorded row and the next.
+        put_in: usize,
+    },
+    /// Along an even clock.
+    Even(EvenWalk),
+}
+
+impl Default for Walk {
+    fn default() -> Self {
+        Self::new(0.0)
+    }
 }
 
 impl Walk {
+    /// Along stamps with this step.
     pub(super) fn new(step_s: f64) -> Self {
-        Self { step_s, last_s: None, put_in: 0 }
+        Self::Stamped { step_s, last_s: None, put_in: 0 }
     }
 
-    /// The time of the row that is to be put in before the one recorded at `time`; none when it is the turn of that.
-    pub(super) fn before(&mut self, time: f64) -> Option<f64> {
-        if let Some(last_s) = self.last_s {
-            let missing = missing(time - last_s, self.step_s) as usize;
-            if self.put_in < missing {
-                self.put_in += 1;
-                return Some(last_s + (time - last_s) / (missing + 1) as f64 * self.put_in as f64);
+    /// Along the even clock of a clock that has one.
+    fn even(clock: &Clock, lost: Lost) -> Self {
+        clock
+            .even
+            .clone()
+            .map_or_else(|| Self::new(clock.step_s), |even| Self::Even(EvenWalk::new(even, lost)))
+    }
+
+    /// The time of the next row, and whether it is put in before the one recorded with the stamp `stamp_s` or is that.
+    pub(super) fn next(&mut self, stamp_s: f64) -> (f64, bool) {
+        let (step_s, last_s, put_in) = match self {
+            Self::Even(walk) => return walk.next(stamp_s),
+            Self::Stamped { step_s, last_s, put_in } => (*step_s, last_s, put_in),
+        };
+        if let Some(last_s) = *last_s {
+            let missing = missing(stamp_s - last_s, step_s) as usize;
+            if *put_in < missing {
+                *put_in += 1;
+                return (last_s + (stamp_s - last_s) / (missing + 1) as f64 * *put_in as f64, true);
             }
         }
-        self.put_in = 0;
-        self.last_s = Some(time);
-        None
+        *put_in = 0;
+        *last_s = Some(stamp_s);
+        (stamp_s, false)
     }
 }
 
@@ -198,6 +274,8 @@ pub(super) struct Grid {
     pub(super) time_s: Vec<f64>,
     /// The gaps, in order.
     pub(super) gaps: Vec<Gap>,
+    /// What the user should be told.
+    pub(super) note: Option<String>,
 }
 
 impl Grid {
@@ -214,19 +292,24 @@ impl Grid {
     ) -> Result<Self, Problem> {
         let mut survey = Survey::new(column, nominal_s);
         survey.add(recorded_s, lines)?;
-        let Times { step_s, rows, .. } = survey.finish()?;
-        let mut grid = Self { step_s, time_s: Vec::with_capacity(rows), gaps: Vec::new() };
-        let mut walk = Walk::new(step_s);
-        for &time in recorded_s {
-            let (first, after_s) = (grid.time_s.len(), walk.last_s.unwrap_or(time));
-            while let Some(put_in) = walk.before(time) {
-                grid.time_s.push(put_in);
-            }
+        let Times { step_s, rows, mut walk, note, .. } = survey.finish()?;
+        let mut grid = Self { step_s, time_s: Vec::with_capacity(rows), gaps: Vec::new(), note };
+        for &stamp_s in recorded_s {
+            let first = grid.time_s.len();
+            let time_s = loop {
+                let (time_s, put_in) = walk.next(stamp_s);
+                if !put_in {
+                    break time_s;
+                }
+                grid.time_s.push(time_s);
+            };
             let missing = grid.time_s.len() - first;
             if missing > 0 {
-                grid.gaps.push(Gap { first, missing, after_s, before_s: time });
+                let after_s =
+                    first.checked_sub(1).and_then(|last| grid.time_s.get(last)).copied().unwrap_or(time_s);
+                grid.gaps.push(Gap { first, missing, after_s, before_s: time_s });
             }
-            grid.time_s.push(time);
+            grid.time_s.push(time_s);
         }
         Ok(grid)
     }
@@ -256,15 +339,6 @@ impl Grid {
         }
         inserted
     }
-}
-
-fn median(values: &mut [f64]) -> Option<f64> {
-    let middle = values.len() / 2;
-    if values.is_empty() {
-        return None;
-    }
-    let (_, median, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
-    Some(*median)
 }
 
 #[cfg(test)]

@@ -166,6 +166,11 @@ pub(super) fn file_warnings(file: &CaseFile) -> Vec<String> {
     file.warnings.iter().map(|warning| format!("{}: {warning}", file.path.display())).collect()
 }
 
+/// What the user is told of the times.
+pub(super) fn time_note(file: &CaseFile, note: Option<String>) -> Option<String> {
+    note.map(|note| format!("{}: {note}", file.table_path().display()))
+}
+
 /// A problem of the times is one of the table, or of the step that the case gives.
 pub(super) fn time_error(file: &CaseFile, mut problem: Problem) -> Error {
     if problem.line.is_some() || problem.field == file.case.recording.time {

@@ -3,8 +3,11 @@
 //! A value that is missing (an empty cell, `nan`, an infinite number, a row in a gap) is NaN.
 //! [`Recording`] holds all of it; [`Stream`] goes through a table of any length and gives recordings of a few thousand
 //! rows.
+mod clock;
+mod even;
 mod grid;
 mod layout;
+mod stamps;
 mod stream;
 
 use std::path::Path;
@@ -16,7 +19,8 @@ use crate::unit::Unit;
 
 use grid::Grid;
 pub use grid::{GAP_STEPS, Gap};
-use layout::{Layout, Rows, file_warnings, time_error};
+use layout::{Layout, Rows, file_warnings, time_error, time_note};
+use stamps::Timed;
 pub use stream::Stream;
 
 /// A recording, in SI units.
@@ -24,9 +28,10 @@ pub use stream::Stream;
 pub struct Recording {
     /// The case, as it is written.
     pub case: Case,
-    /// Nominal step, s.
+    /// Step, s.
     pub step_s: f64,
-    /// Time of each row as recorded (any origin), s; in gaps, between the neighbours.
+    /// Time of each row as recorded, or of the even clock where the stamps are those of arrival (any origin), s; in gaps,
+    /// between the neighbours.
     pub time_s: Vec<f64>,
     /// Which rows are not in the table and were put in for a missing step.
     pub inserted: Vec<bool>,
@@ -40,7 +45,7 @@ pub struct Recording {
     pub motion: MotionSeries,
     /// Angle of the table in a calibration run, rad; NaN = missing.
     pub table_angle: Option<Vec<f64>>,
-    /// What the user should be told: what was left out, a row cut off, infinite values.
+    /// What the user should be told: what was left out, a row cut off, infinite values, what was made of the time stamps.
     pub warnings: Vec<String>,
 }
 
@@ -132,7 +137,7 @@ impl Recording {
     ) -> Result<Self, E> {
         let layout = Layout::new(&file, &*table)?;
         let mut columns = Columns::none(layout.indices.len());
-        for chunk in table.chunks(&layout.indices)? {
+        for chunk in Timed::new(&file, table.chunks(&layout.indices)?, layout.time) {
             columns.append(chunk?);
             watch(columns.rows(), layout.indices.len())?;
         }
@@ -145,6 +150,7 @@ impl Recording {
         let mut warnings = file_warnings(&file);
         warnings.append(&mut columns.warnings);
         warnings.extend(layout.infinite_warnings(&file, &columns.infinite));
+        warnings.extend(time_note(&file, grid.note.take()));
         let mut quality = layout.quality(&columns);
         let in_gaps = grid.time_s.len() - columns.rows();
         for quality in &mut quality {

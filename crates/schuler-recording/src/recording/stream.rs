@@ -1,6 +1,7 @@
 //! A recording of any length, a few thousand rows at a time.
 use super::grid::{Survey, Walk};
-use super::layout::{Layout, Rows, file_warnings, time_error};
+use super::layout::{Layout, Rows, file_warnings, time_error, time_note};
+use super::stamps::Timed;
 use super::{Quality, Recording};
 use crate::case::CaseFile;
 use crate::error::Error;
@@ -15,6 +16,7 @@ pub struct Stream {
     head: Recording,
     rows: usize,
     start_s: f64,
+    walk: Walk,
 }
 
 impl Stream {
@@ -32,7 +34,7 @@ impl Stream {
         let mut survey = Survey::new(&file.case.recording.time, file.case.recording.step_s);
         let mut quality = vec![Quality::default(); layout.indices.len()];
         let mut warnings = file_warnings(&file);
-        for columns in table.chunks(&layout.indices)? {
+        for columns in Timed::new(&file, table.chunks(&layout.indices)?, layout.time) {
             let mut columns = columns?;
             let time_s = columns.values.get(layout.time).cloned().unwrap_or_default();
             survey.add(&time_s, &columns.lines).map_err(|problem| time_error(&file, problem))?;
@@ -51,12 +53,13 @@ impl Stream {
         let times = survey.finish().map_err(|problem| time_error(&file, problem))?;
         let infinite: Vec<usize> = quality.iter().map(|it| it.infinite).collect();
         warnings.extend(layout.infinite_warnings(&file, &infinite));
+        warnings.extend(time_note(&file, times.note));
         for it in &mut quality {
             it.in_gaps = times.rows - it.present - it.missing;
         }
         let none = Rows { step_s: times.step_s, ..Rows::default() };
         let head = layout.recording(file.case.clone(), none, &quality, warnings, |_| Vec::new());
-        Ok(Self { file, layout, quality, head, rows: times.rows, start_s: times.start_s })
+        Ok(Self { file, layout, quality, head, rows: times.rows, start_s: times.start_s, walk: times.walk })
     }
 
     /// The case.
@@ -89,17 +92,17 @@ impl Stream {
         let table = self.file.open_table()?;
         Ok(Chunks {
             of: self,
-            rest: table.chunks(&self.layout.indices)?,
+            rest: Timed::new(&self.file, table.chunks(&self.layout.indices)?, self.layout.time),
             columns: Columns::default(),
             next: 0,
-            walk: Walk::new(self.head.step_s),
+            walk: self.walk.clone(),
         })
     }
 }
 
 struct Chunks<'s> {
     of: &'s Stream,
-    rest: table::Chunks,
+    rest: Timed,
     /// What was read last, and the next row of it.
     columns: Columns,
     next: usize,
@@ -131,11 +134,11 @@ impl Chunks<'_> {
         while let Some(&recorded_s) = self.columns.values.get(time).and_then(|time_s| time_s.get(self.next))
             && source.len() < CHUNK_ROWS
         {
-            let put_in_s = self.walk.before(recorded_s);
-            rows.time_s.push(put_in_s.unwrap_or(recorded_s));
-            rows.inserted.push(put_in_s.is_some());
-            source.push(put_in_s.is_none().then_some(self.next));
-            self.next += usize::from(put_in_s.is_none());
+            let (time_s, put_in) = self.walk.next(recorded_s);
+            rows.time_s.push(time_s);
+            rows.inserted.push(put_in);
+            source.push((!put_in).then_some(self.next));
+            self.next += usize::from(!put_in);
         }
         let values = |place: usize| -> Vec<f64> {
             let values = self.columns.values.get(place).map_or(&[][..], Vec::as_slice);
