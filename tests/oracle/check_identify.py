@@ -25,7 +25,7 @@ TOLERANCE = 1e-9
 # as if they had this size.
 SMALLEST_CORRELATION = 1e-3
 GAP_STEPS = 1.5
-LEAST_PRESENT = 0.9
+LEAST_PRESENT, LEAST_VALUES = 0.25, 2
 ONE_SIGMA = 0.682689492137085897
 LONGEST_MATRIX = 2500
 
@@ -60,14 +60,20 @@ def on_the_grid(time, values, step):
 
 
 def overlapping_allan_over_gaps(values, factor):
-    """The definition, for means over `factor` steps of which nine tenths are there."""
+    """The definition, for means over `factor` steps of which a quarter is there; what lost values add is taken off each square."""
     windows = np.lib.stride_tricks.sliding_window_view(values, factor)
     present = np.isfinite(windows).sum(axis=1)
-    sums = np.nansum(windows, axis=1)
-    means = np.where(present >= LEAST_PRESENT * factor, sums / np.maximum(present, 1), np.nan)
-    differences = means[factor:] - means[:-factor]
-    differences = differences[np.isfinite(differences)]
-    return np.sqrt(0.5 * np.mean(differences**2)), len(differences)
+    with warnings.catch_warnings(), np.errstate(invalid="ignore", divide="ignore"):
+        warnings.simplefilter("ignore", RuntimeWarning)
+        means = np.nanmean(windows, axis=1)
+        excess = np.nanvar(windows, axis=1, ddof=1) * (1 / present - 1 / factor)
+    excess[present == factor] = 0.0
+    usable = present >= (1 if factor == 1 else max(LEAST_VALUES, LEAST_PRESENT * factor))
+    early, late = slice(None, -factor), slice(factor, None)
+    both = usable[early] & usable[late]
+    squares = ((means[late] - means[early]) ** 2 - excess[early] - excess[late])[both]
+    weights = (present[early] * present[late] / (present[early] + present[late]))[both]
+    return np.sqrt(0.5 * np.average(squares, weights=weights)), np.count_nonzero(both)
 
 
 def degrees_of_freedom(count, factor, exponent):
@@ -102,6 +108,7 @@ def check_allan(sensor, values, step):
                 previous = int(np.clip(allantools.ci.autocorr_noise_id(values, factor, "freq")[0], -2, 2))
             compare("kind of noise (allantools.autocorr_noise_id)", point["exponent"], previous)
         degrees = degrees_of_freedom(int(count) + 2 * factor, factor, point["exponent"])
+        degrees = max(degrees * float(np.isfinite(values).mean()), 1.0)
         compare("degrees of freedom (allantools.edf_simple)", point["degrees_of_freedom"], degrees)
         for bound, probability in (("lower", 0.5 + ONE_SIGMA / 2), ("upper", 0.5 - ONE_SIGMA / 2)):
             expected = deviation * np.sqrt(degrees / scipy.stats.chi2.ppf(probability, degrees))

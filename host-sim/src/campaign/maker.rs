@@ -11,6 +11,7 @@ use super::oracle::{self, Signals, View, half_square};
 use super::plan::Group;
 use super::setting::{Kind, Setting};
 use crate::identify::likelihood::{Correlated, Parameters, Parts, Removed, fit};
+use crate::identify::series::Blocks;
 use crate::output::Interrupted;
 use crate::physics::random::Process;
 use crate::scenario::Scenario;
@@ -718,7 +719,8 @@ fn refitted(nominal: &Noise, series: &[f64], step_s: f64) -> Noise {
         other.cosine.sigma = spread;
         starts.push(other);
     }
-    let Some(fitted) = fit(series, parts, Removed::Mean, &starts) else { return nominal.clone() };
+    let rows = Blocks::new(series, 1);
+    let Some(fitted) = fit(&rows, parts, Removed::Mean, &starts) else { return nominal.clone() };
     let p = fitted.parameters;
     let mut drift = Vec::new();
     if parts.markov > 0 && p.markov[0].alpha > 0.0 {

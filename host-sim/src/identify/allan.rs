@@ -3,14 +3,18 @@
 //! σ²(mΔ) = ½ ⟨(ȳ_{i+m} − ȳ_i)²⟩ over all i, with ȳ the means of m consecutive steps. Source: Riley, Handbook of
 //! Frequency Stability Analysis, NIST SP 1065: (11) for the deviation, table 5 for its equivalent degrees of freedom;
 //! the kind of noise they depend on from the lag-1 autocorrelation (Riley & Greenhall, 2004).
+//!
+//! Means of p of m steps count too. Where p of m are lost at random, the mean of those that are there has the variance
+//! s² (1/p − 1/m) about the mean of all, with s² the variance within them (Cochran, Sampling Techniques, 3rd ed., theorem 2.2);
+//! that is taken from each square, and each is weighted by p₁ p₂/(p₁ + p₂).
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::series::{block_means, mean};
 
-/// A mean over m steps counts if at least this part of them is there. What is missing raises the white part of the
-/// variance by at most the inverse.
-const LEAST_PRESENT: f64 = 0.9;
+/// A mean over m steps counts if at least this part of them is there, and two.
+const LEAST_PRESENT: f64 = 0.25;
+const LEAST_VALUES: f64 = 2.0;
 /// Averaging times per decade.
 const PER_DECADE: f64 = 10.0;
 /// The longest averaging time is this part of the series.
@@ -50,7 +54,8 @@ pub fn overlapping_allan(values: &[f64], step_s: f64) -> Vec<AllanPoint> {
         .filter_map(|factor| {
             let (variance, terms) = phase.allan_variance(factor)?;
             exponent = noise_exponent(&block_means(values, factor)).unwrap_or(exponent);
-            let degrees_of_freedom = degrees_of_freedom(terms + 2 * factor, factor, exponent);
+            let whole = degrees_of_freedom(terms + 2 * factor, factor, exponent);
+            let degrees_of_freedom = (whole * phase.part).max(1.0);
             let deviation = variance.sqrt();
             let (lower, upper) = interval(deviation, degrees_of_freedom, ONE_SIGMA);
             let tau_s = factor as f64 * step_s;
@@ -85,49 +90,84 @@ fn factors(count: usize) -> Vec<usize> {
     factors
 }
 
-/// Running sums of the deviations from the mean, and of how many are there.
+/// Running sums of the deviations from the mean, of their squares, and of how many are there.
 struct Phase {
     sums: Vec<f64>,
+    squares: Vec<f64>,
     present: Vec<u32>,
-    complete: bool,
+    /// Part of the values that is there.
+    part: f64,
 }
 
 impl Phase {
     fn new(values: &[f64]) -> Self {
         let mean = mean(values);
-        let (mut sum, mut present) = (0.0, 0);
-        let (mut sums, mut presents) =
-            (Vec::with_capacity(values.len() + 1), Vec::with_capacity(values.len() + 1));
-        sums.push(sum);
-        presents.push(present);
+        let (mut sum, mut square, mut present) = (0.0, 0.0, 0);
+        let mut phase = Self { sums: vec![0.0], squares: vec![0.0], present: vec![0], part: 1.0 };
         for value in values {
             if value.is_finite() {
                 sum += value - mean;
+                square += (value - mean).powi(2);
                 present += 1;
             }
-            sums.push(sum);
-            presents.push(present);
+            phase.sums.push(sum);
+            phase.squares.push(square);
+            phase.present.push(present);
         }
-        let complete = present as usize == values.len();
-        Self { sums, present: presents, complete }
+        phase.part = f64::from(present) / values.len().max(1) as f64;
+        phase
     }
 
     /// Variance and number of differences behind it.
     fn allan_variance(&self, factor: usize) -> Option<(f64, usize)> {
-        let first = self.sums.iter().zip(&self.present);
-        let middle = first.clone().skip(factor);
-        let last = first.clone().skip(2 * factor);
-        let least = LEAST_PRESENT * factor as f64;
-        let (mut squares, mut terms) = (0.0, 0_usize);
-        for (((a, &a_present), (b, &b_present)), (c, &c_present)) in first.zip(middle).zip(last) {
-            let (early, late) = (f64::from(b_present - a_present), f64::from(c_present - b_present));
-            if self.complete || early >= least && late >= least {
-                let difference = (c - b) / late - (b - a) / early;
+        let (mut squares, mut weights, mut terms) = (0.0, 0.0, 0_usize);
+        let complete = self.part == 1.0;
+        let least = if factor == 1 { 1.0 } else { LEAST_VALUES.max(LEAST_PRESENT * factor as f64) };
+        for first in 0..self.sums.len().saturating_sub(2 * factor) {
+            if complete {
+                let [a, b, c] = [first, first + factor, first + 2 * factor].map(|at| self.sums[at]);
+                let difference = (c - b) / factor as f64 - (b - a) / factor as f64;
                 squares += difference * difference;
+                weights += 1.0;
                 terms += 1;
+                continue;
             }
+            let (early, late) = (self.cluster(first, factor), self.cluster(first + factor, factor));
+            if early.count < least || late.count < least {
+                continue;
+            }
+            let weight = 2.0 * early.count * late.count / (early.count + late.count) / factor as f64;
+            let difference = late.mean - early.mean;
+            squares += weight * (difference * difference - early.excess(factor) - late.excess(factor));
+            weights += weight;
+            terms += 1;
         }
-        (terms > 0).then(|| (squares / (2.0 * terms as f64), terms))
+        let variance = squares / (2.0 * weights);
+        // What is taken for lost values may be all that there is.
+        (terms > 0 && variance >= 0.0).then_some((variance, terms))
+    }
+
+    /// What is there of the steps `first` to `first + factor`.
+    fn cluster(&self, first: usize, factor: usize) -> Cluster {
+        let count = f64::from(self.present[first + factor] - self.present[first]);
+        let mean = (self.sums[first + factor] - self.sums[first]) / count;
+        let square = self.squares[first + factor] - self.squares[first];
+        Cluster { count, mean, variance: (square - count * mean * mean) / (count - 1.0) }
+    }
+}
+
+/// The values of a mean over m steps.
+struct Cluster {
+    count: f64,
+    mean: f64,
+    variance: f64,
+}
+
+impl Cluster {
+    /// By how much the square of its mean is larger than that of all `factor` steps, of which the others are lost.
+    fn excess(&self, factor: usize) -> f64 {
+        let lost = self.count.recip() - (factor as f64).recip();
+        if lost > 0.0 { self.variance.max(0.0) * lost } else { 0.0 }
     }
 }
 

@@ -5,12 +5,13 @@
 //! made-up variance: the filter runs over the data and over their regressors with the same gains, and generalised least
 //! squares on the innovations takes them out; the determinant of its normal matrix makes the likelihood that of the
 //! data's contrasts (Harville, 1974), which is free of the bias that removing a mean or a line puts on σ and τ.
-//! The scale of the noise is solved for in closed form. Missing values are predicted over.
+//! The scale of the noise is solved for in closed form. Missing values are predicted over; the mean of a block that is not
+//! whole has more white noise.
 use argmin::core::{CostFunction, Executor};
 use argmin::solver::neldermead::NelderMead;
 use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
-use super::series::about_mean;
+use super::series::Blocks;
 
 /// First-order Markov parts that a model may have; two make a fair piece of flicker noise.
 pub const MOST_MARKOV: usize = 2;
@@ -231,12 +232,12 @@ impl Fit {
     }
 }
 
-/// Fits `parts` to `values` (NaN = missing) from each of `starts`, and keeps the best.
+/// Fits `parts` to `blocks` from each of `starts`, and keeps the best.
 ///
 /// `None` where there are too few values for the parameters, or the series has no spread.
-pub fn fit(values: &[f64], parts: Parts, removed: Removed, starts: &[Parameters]) -> Option<Fit> {
-    let (offset, values) = about_mean(values);
-    let problem = Problem::new(&values, parts, removed);
+pub fn fit(blocks: &Blocks, parts: Parts, removed: Removed, starts: &[Parameters]) -> Option<Fit> {
+    let (offset, blocks) = blocks.centred();
+    let problem = Problem::new(&blocks, parts, removed);
     if problem.count < 3 * (parts.parameters() + 2) {
         return None;
     }
@@ -250,7 +251,7 @@ pub fn fit(values: &[f64], parts: Parts, removed: Removed, starts: &[Parameters]
     // Sampled, an angle beyond half a turn a step is one below it.
     shape.beta =
         std::f64::consts::PI - (std::f64::consts::PI - shape.beta.rem_euclid(std::f64::consts::TAU)).abs();
-    let profile = profile(&values, &shape, removed)?;
+    let profile = profile(&blocks, &shape, removed)?;
     let scale = profile.scale();
     let parameters = shape.scaled(scale);
     let inverse = profile.normal.try_inverse()?;
@@ -271,30 +272,29 @@ pub fn fit(values: &[f64], parts: Parts, removed: Removed, starts: &[Parameters]
 
 /// The `keep` best of `candidates` as starts for [`fit`].
 pub fn best_starts(
-    values: &[f64],
+    blocks: &Blocks,
     parts: Parts,
     removed: Removed,
     candidates: &[Parameters],
     keep: usize,
 ) -> Vec<Parameters> {
-    let (_, values) = about_mean(values);
-    let problem = Problem::new(&values, parts, removed);
+    let (_, blocks) = blocks.centred();
+    let problem = Problem::new(&blocks, parts, removed);
     let cost = |candidate: &Parameters| (&problem).cost(&parts.logs(candidate)).unwrap_or(IMPOSSIBLE);
     let mut costs: Vec<(f64, Parameters)> = candidates.iter().map(|start| (cost(start), *start)).collect();
     costs.sort_by(|a, b| a.0.total_cmp(&b.0));
     costs.into_iter().take(keep).map(|(_, candidate)| candidate).collect()
 }
 
-/// Standardised innovations of `fit` over `values`; NaN where a value is missing.
-pub fn standardised_innovations(values: &[f64], fit: &Fit) -> Vec<f64> {
-    let middle = middle(values.len());
+/// Standardised innovations of `fit` over `blocks`; NaN where a value is missing.
+pub fn standardised_innovations(blocks: &Blocks, fit: &Fit) -> Vec<f64> {
+    let middle = middle(blocks.values.len());
     let mut filter = Filter::new(&fit.parameters);
     let mut state = SVector::<f64, STATES>::zeros();
-    values
-        .iter()
+    (blocks.values.iter().zip(&blocks.thinness))
         .enumerate()
-        .map(|(row, value)| {
-            let gain = filter.advance(value.is_finite());
+        .map(|(row, (value, &thinness))| {
+            let gain = filter.advance(value.is_finite(), thinness);
             let residual = value - fit.level.0 - fit.slope.0 * (row as f64 - middle);
             let innovation = residual - observed(&state);
             if value.is_finite() {
@@ -308,7 +308,7 @@ pub fn standardised_innovations(values: &[f64], fit: &Fit) -> Vec<f64> {
 
 /// A likelihood to maximise over the logarithms of a model's shape.
 struct Problem<'v> {
-    values: &'v [f64],
+    blocks: &'v Blocks,
     parts: Parts,
     removed: Removed,
     count: usize,
@@ -322,7 +322,7 @@ impl CostFunction for &Problem<'_> {
         let outside = self.parts.outside(logs, self.count);
         // Far outside the exponentials overflow; there the penalty alone leads back.
         let inside = outside < MOST_OUTSIDE;
-        let profile = inside.then(|| profile(self.values, &self.parts.shape(logs), self.removed)).flatten();
+        let profile = inside.then(|| profile(self.blocks, &self.parts.shape(logs), self.removed)).flatten();
         let log_likelihood = profile.map_or(-IMPOSSIBLE, |profile| profile.log_likelihood());
         let log_likelihood = if log_likelihood.is_finite() { log_likelihood } else { -IMPOSSIBLE };
         Ok(OUTSIDE_WEIGHT * outside - log_likelihood)
@@ -330,9 +330,9 @@ impl CostFunction for &Problem<'_> {
 }
 
 impl<'v> Problem<'v> {
-    fn new(values: &'v [f64], parts: Parts, removed: Removed) -> Self {
-        let count = values.iter().filter(|value| value.is_finite()).count();
-        Self { values, parts, removed, count }
+    fn new(blocks: &'v Blocks, parts: Parts, removed: Removed) -> Self {
+        let count = blocks.values.iter().filter(|value| value.is_finite()).count();
+        Self { blocks, parts, removed, count }
     }
 
     /// The best logarithms found from `start`, with their cost.
@@ -356,7 +356,7 @@ impl<'v> Problem<'v> {
         let log_likelihood = |logs: &[f64]| {
             let factors = self.parts.spread(logs.iter().map(|log| log.exp()));
             let moved = at.combined(&factors, |value, factor| value * factor);
-            profile(self.values, &moved, self.removed).map(|profile| profile.log_likelihood_of_scale_one())
+            profile(self.blocks, &moved, self.removed).map(|profile| profile.log_likelihood_of_scale_one())
         };
         let size = self.parts.parameters();
         let moved = |first: usize, first_step: f64, second: usize, second_step: f64| {
@@ -422,8 +422,8 @@ impl Profile {
 }
 
 /// Runs the filter with `parameters` over the values and the regressors of the constants.
-fn profile(values: &[f64], parameters: &Parameters, removed: Removed) -> Option<Profile> {
-    let middle = middle(values.len());
+fn profile(blocks: &Blocks, parameters: &Parameters, removed: Removed) -> Option<Profile> {
+    let middle = middle(blocks.values.len());
     let line = removed == Removed::Line;
     let constants = if line { 2 } else { 1 };
     let mut filter = Filter::new(parameters);
@@ -432,9 +432,9 @@ fn profile(values: &[f64], parameters: &Parameters, removed: Removed) -> Option<
     let used = 1 + constants;
     let (mut log_variances, mut sums, mut count) = (0.0, Matrix3::<f64>::zeros(), 0);
     let (mut inverse, mut log_variance, mut was_settled) = (0.0, 0.0, false);
-    for (row, value) in values.iter().enumerate() {
+    for (row, (value, &thinness)) in blocks.values.iter().zip(&blocks.thinness).enumerate() {
         let present = value.is_finite();
-        let Gain { gain, variance } = filter.advance(present);
+        let Gain { gain, variance } = filter.advance(present, thinness);
         if !(was_settled && filter.settled) {
             (inverse, log_variance) = (variance.recip(), variance.ln());
         }
@@ -560,13 +560,15 @@ impl Filter {
         }
     }
 
-    /// Gain and innovation variance of this step, and on to the next.
-    fn advance(&mut self, present: bool) -> Gain {
-        if self.settled && present {
+    /// Gain and innovation variance of this step, whose white part has `thinness` times the variance of a whole block's, and on to
+    /// the next.
+    fn advance(&mut self, present: bool, thinness: f64) -> Gain {
+        let whole = present && thinness == 1.0;
+        if self.settled && whole {
             return self.last;
         }
         let seen = self.covariance.column_sum() - self.covariance.column(QUADRATURE);
-        let variance = observed(&seen) + self.white;
+        let variance = observed(&seen) + self.white * thinness;
         let gain = Gain { gain: seen / variance, variance };
         let updated = if present { self.covariance - seen * gain.gain.transpose() } else { self.covariance };
         let mut next = self.turn.apply_to_covariance(updated);
@@ -574,7 +576,7 @@ impl Filter {
             next[(state, state)] += noise;
         }
         let change = (next - self.covariance).amax();
-        self.settled = present && change <= SETTLED * next.amax();
+        self.settled = whole && change <= SETTLED * next.amax();
         self.covariance = 0.5 * (next + next.transpose());
         self.last = gain;
         gain
@@ -588,6 +590,10 @@ mod tests {
     use rand_pcg::Pcg64;
 
     use super::*;
+
+    fn whole(values: &[f64]) -> Blocks {
+        Blocks::new(values, 1)
+    }
 
     const MARKOV: Parts = Parts { markov: 1, cosine: false, walk: false };
 
@@ -656,7 +662,8 @@ mod tests {
             Parameters { cosine: first, beta: 0.9, walk: 0.4, ..markov(0.2, 0.0, 0.0) },
             Parameters { markov: [first, second], cosine: first, beta: 0.3, ..markov(0.2, 0.0, 0.0) },
         ] {
-            let found = profile(&values, &parameters, Removed::Mean).unwrap().log_likelihood_of_scale_one();
+            let found =
+                profile(&whole(&values), &parameters, Removed::Mean).unwrap().log_likelihood_of_scale_one();
             // Harville's likelihood differs from that of orthonormal contrasts by ½ ln det(XᵀX).
             let expected = directly(&values, &parameters) - 0.5 * 8.0_f64.ln();
             assert!((found - expected).abs() < 1e-10, "{found} {expected}");
@@ -673,7 +680,7 @@ mod tests {
             let present = row % 1000 != 999;
             settled += usize::from(settling.settled);
             always.settled = false;
-            let (found, expected) = (settling.advance(present), always.advance(present));
+            let (found, expected) = (settling.advance(present, 1.0), always.advance(present, 1.0));
             assert!((found.variance / expected.variance - 1.0).abs() < 1e-9, "row {row}");
             assert!((found.gain - expected.gain).amax() < 1e-9, "row {row}");
         }
@@ -688,7 +695,7 @@ mod tests {
         let mut outside = 0;
         for seed in 0..cases {
             let values = simulate(&truth, 8000, seed);
-            let fit = fit(&values, MARKOV, Removed::Mean, &[markov(1.0, 1.0, 0.1)]).unwrap();
+            let fit = fit(&whole(&values), MARKOV, Removed::Mean, &[markov(1.0, 1.0, 0.1)]).unwrap();
             let sigmas = fit.log_sigmas.unwrap();
             let score = [
                 fit.parameters.white.ln() / sigmas.white,
@@ -718,18 +725,40 @@ mod tests {
                 .enumerate()
                 .map(|(row, value)| value + 5.0 + 1e-3 * (row as f64 - 1499.5))
                 .collect();
-            let fit = fit(&values, MARKOV, Removed::Line, &[truth]).unwrap();
+            let fit = fit(&whole(&values), MARKOV, Removed::Line, &[truth]).unwrap();
             level += ((fit.level.0 - 5.0) / fit.level.1).powi(2) / cases as f64;
             slope += ((fit.slope.0 - 1e-3) / fit.slope.1).powi(2) / cases as f64;
         }
         assert!((0.6..1.6).contains(&level) && (0.6..1.6).contains(&slope), "{level} {slope}");
     }
 
+    /// Means of ten steps of white noise of which half are lost are as white as those of which none is.
+    #[test]
+    fn blocks_with_lost_rows_have_the_white_noise_of_whole_ones() {
+        let values = simulate(&markov(1.0, 0.0, 0.0), 40_000, 7);
+        let lost: Vec<f64> = values
+            .iter()
+            .enumerate()
+            .map(|(row, &value)| if row * 7 % 16 < 8 { f64::NAN } else { value })
+            .collect();
+        let uneven: Vec<f64> = lost
+            .iter()
+            .enumerate()
+            .map(|(row, &value)| if row / 500 % 2 == 0 { values[row] } else { value })
+            .collect();
+        for series in [&values, &lost, &uneven] {
+            let fit = fit(&Blocks::new(series, 10), Parts::default(), Removed::Mean, &[]).unwrap();
+            let sigma = fit.log_sigmas.unwrap().white;
+            let off = (fit.parameters.white * 10_f64.sqrt()).ln();
+            assert!(off.abs() < 3.5 * sigma, "{off} {sigma}");
+        }
+    }
+
     #[test]
     fn series_without_spread_or_values_are_not_fitted() {
         let start = markov(1.0, 1.0, 0.1);
-        assert!(fit(&[1.0; 100], MARKOV, Removed::Mean, &[start]).is_none());
-        assert!(fit(&[f64::NAN; 100], MARKOV, Removed::Line, &[start]).is_none());
-        assert!(fit(&[], MARKOV, Removed::Mean, &[start]).is_none());
+        assert!(fit(&whole(&[1.0; 100]), MARKOV, Removed::Mean, &[start]).is_none());
+        assert!(fit(&whole(&[f64::NAN; 100]), MARKOV, Removed::Line, &[start]).is_none());
+        assert!(fit(&whole(&[]), MARKOV, Removed::Mean, &[start]).is_none());
     }
 }

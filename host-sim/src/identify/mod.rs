@@ -3,6 +3,7 @@
 //! | module | computes |
 //! | --- | --- |
 //! | [`series`] | the error series: readings less the ideal sensor's output |
+//! | [`spikes`] | single readings far from those around them, which are set aside first |
 //! | [`trend`] | mean and straight line |
 //! | [`mod@autocorrelation`] | unbiased autocorrelation over gaps |
 //! | [`allan`] | overlapping Allan deviation with χ² intervals |
@@ -25,6 +26,7 @@ pub mod power_law;
 pub mod published;
 pub mod report;
 pub mod series;
+pub mod spikes;
 pub mod structure;
 pub mod summary;
 pub mod trend;
@@ -104,12 +106,13 @@ fn identify_sensor(
     options: Options,
     stopped: &dyn Fn() -> bool,
 ) -> SensorIdentification {
-    let series = error_series(recording, sensor);
+    let mut series = error_series(recording, sensor);
+    let spikes = spikes::set_spikes_aside(&mut series.values);
     let (values, step_s) = (series.values.as_slice(), series.step_s);
     let present = values.iter().filter(|value| value.is_finite()).count();
     let elapsed_s: Vec<f64> = recording.elapsed_s().collect();
     let allan = overlapping_allan(values, step_s);
-    let laws = fit_power_laws(&allan, values.len(), step_s);
+    let laws = fit_power_laws(&allan, values, step_s);
     let structure = noise_structure(values, step_s, stopped);
     SensorIdentification {
         id: sensor.sensor.id.clone(),
@@ -119,7 +122,8 @@ fn identify_sensor(
         written_unit: sensor.written_unit,
         written_unit_in_si: sensor.written_unit.in_si(),
         present,
-        missing: values.len() - present,
+        missing: values.len() - present - spikes,
+        spikes,
         trend: trend::trend(&elapsed_s, values),
         autocorrelation: autocorrelation_report(values, step_s, options, &structure),
         floor: report::floor(&allan),

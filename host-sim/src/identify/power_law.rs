@@ -63,8 +63,9 @@ pub fn variance(squares: &Squares, tau_s: f64) -> f64 {
     basis(tau_s).iter().zip(squares).map(|(basis, square)| basis * square).sum()
 }
 
-/// The power laws of a series of `count` values with the Allan deviation `points`; `None` where there are too few.
-pub fn fit_power_laws(points: &[AllanPoint], count: usize, step_s: f64) -> Option<PowerLaws> {
+/// The power laws of a series with the Allan deviation `points`; `None` where there are too few. What is missing in `values` (NaN)
+/// is missing in the series drawn, too.
+pub fn fit_power_laws(points: &[AllanPoint], values: &[f64], step_s: f64) -> Option<PowerLaws> {
     let octaves: Vec<Octave> = points
         .iter()
         .filter(|point| point.factor.is_power_of_two() && point.deviation > 0.0)
@@ -79,7 +80,7 @@ pub fn fit_power_laws(points: &[AllanPoint], count: usize, step_s: f64) -> Optio
         return None;
     }
     let (support, squares, misfit) = select(&octaves)?;
-    let drawn = redraw(&octaves, support, &squares, count, step_s);
+    let drawn = redraw(&octaves, support, &squares, values, step_s);
     let as_bad = drawn.iter().filter(|(_, drawn_misfit)| *drawn_misfit >= misfit).count();
     let p_value = (as_bad + 1) as f64 / (drawn.len() + 1) as f64;
     let usual_misfit = drawn.iter().map(|(_, misfit)| misfit).sum::<f64>() / drawn.len() as f64;
@@ -189,15 +190,21 @@ fn redraw(
     octaves: &[Octave],
     support: Support,
     squares: &Squares,
-    count: usize,
+    values: &[f64],
     step_s: f64,
 ) -> Vec<(Squares, f64)> {
+    let count = values.len();
     let draws = (DRAWN_VALUES / count.max(1)).clamp(LEAST_DRAWN, MOST_DRAWN);
     let factors: Vec<usize> = octaves.iter().map(|octave| octave.factor).collect();
     (0..draws as u64)
         .into_par_iter()
         .filter_map(|draw| {
-            let series = simulate(squares, count, step_s, &mut Pcg64::seed_from_u64(SEED ^ draw << 32));
+            let mut series = simulate(squares, count, step_s, &mut Pcg64::seed_from_u64(SEED ^ draw << 32));
+            for (drawn, value) in series.iter_mut().zip(values) {
+                if !value.is_finite() {
+                    *drawn = f64::NAN;
+                }
+            }
             let redrawn: Vec<Octave> = octaves
                 .iter()
                 .zip(allan_variances(&series, &factors))
@@ -297,7 +304,7 @@ mod tests {
         let (mut outside, mut missed, cases) = (0, 0, 24);
         for seed in 0..cases {
             let series = simulate(&truth, 40_000, 1.0, &mut Pcg64::seed_from_u64(1000 + seed));
-            let fit = fit_power_laws(&overlapping_allan(&series, 1.0), series.len(), 1.0).unwrap();
+            let fit = fit_power_laws(&overlapping_allan(&series, 1.0), &series, 1.0).unwrap();
             let white = (fit.squares[1].sqrt() - truth[1].sqrt()).abs();
             assert!(white < 5.0 * fit.sigmas[1], "{fit:?}");
             outside += u32::from(white > 3.0 * fit.sigmas[1]);
@@ -323,7 +330,7 @@ mod tests {
         let (mut false_terms, mut rejected, cases) = (0, 0, 60);
         for seed in 0..cases {
             let series = simulate(&[0.0, 1.0, 0.0, 0.0, 0.0], 4000, 1.0, &mut Pcg64::seed_from_u64(seed));
-            let fit = fit_power_laws(&overlapping_allan(&series, 1.0), series.len(), 1.0).unwrap();
+            let fit = fit_power_laws(&overlapping_allan(&series, 1.0), &series, 1.0).unwrap();
             false_terms += u32::from(fit.squares.iter().filter(|&&square| square > 0.0).count() > 1);
             rejected += u32::from(fit.p_value < 0.05);
         }
@@ -345,7 +352,7 @@ mod tests {
                 state + 0.1 * white
             })
             .collect();
-        let fit = fit_power_laws(&overlapping_allan(&series, 1.0), series.len(), 1.0).unwrap();
+        let fit = fit_power_laws(&overlapping_allan(&series, 1.0), &series, 1.0).unwrap();
         assert!(fit.p_value < 0.05, "{fit:?}");
     }
 }

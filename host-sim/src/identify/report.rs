@@ -71,6 +71,8 @@ pub struct SensorIdentification {
     pub present: usize,
     /// Values missing, in gaps or without them.
     pub missing: usize,
+    /// Values set aside because they are far from those around them.
+    pub spikes: usize,
     /// What was taken from the readings.
     pub subtracted: Subtracted,
     /// Mean and line by ordinary least squares; `None` with fewer than three values.

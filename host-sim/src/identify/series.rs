@@ -66,14 +66,43 @@ pub fn about_mean(values: &[f64]) -> (f64, Vec<f64>) {
 /// Means of `factor` consecutive steps each, those with fewer than half of their values missing. A rest at the end
 /// that does not fill a block is left out.
 pub fn block_means(values: &[f64], factor: usize) -> Vec<f64> {
-    if factor <= 1 {
-        return values.to_vec();
+    Blocks::new(values, factor).values
+}
+
+/// Means of blocks of steps, and how much of each is there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Blocks {
+    /// The means; NaN = missing.
+    pub values: Vec<f64>,
+    /// Steps of the block for each value in it: by this much the white part of its mean has more variance than that of a whole
+    /// block. 1 where nothing is missing; of no meaning where the mean is.
+    pub thinness: Vec<f64>,
+}
+
+impl Blocks {
+    /// Means of `factor` consecutive steps each (NaN = missing). A block with fewer than half as many values as blocks have on
+    /// average is missing. A rest at the end that does not fill a block is left out.
+    pub fn new(values: &[f64], factor: usize) -> Self {
+        let factor = factor.max(1);
+        let present = |block: &[f64]| block.iter().filter(|value| value.is_finite()).count();
+        let part = present(values) as f64 / values.len().max(1) as f64;
+        let least = 0.5 * part * factor as f64;
+        let (values, thinness) = values
+            .chunks_exact(factor)
+            .map(|block| {
+                let present = present(block) as f64;
+                let held = present >= least.max(f64::MIN_POSITIVE);
+                (if held { mean(block) } else { f64::NAN }, factor as f64 / present.max(1.0))
+            })
+            .unzip();
+        Self { values, thinness }
     }
-    let block_mean = |block: &[f64]| {
-        let present = block.iter().filter(|value| value.is_finite()).count();
-        if 2 * present >= block.len() { mean(block) } else { f64::NAN }
-    };
-    values.chunks_exact(factor).map(block_mean).collect()
+
+    /// The offset of [`about_mean`], and the means less it.
+    pub(super) fn centred(&self) -> (f64, Self) {
+        let (offset, values) = about_mean(&self.values);
+        (offset, Self { values, thinness: self.thinness.clone() })
+    }
 }
 
 #[cfg(test)]
@@ -90,11 +119,13 @@ mod tests {
     }
 
     #[test]
-    fn block_means_need_half_of_their_values() {
+    fn blocks_are_weighted_by_what_they_hold() {
         let nan = f64::NAN;
-        let means = block_means(&[1.0, 3.0, nan, 4.0, nan, nan, 9.0], 2);
-        assert_eq!(&means[..2], [2.0, 4.0]);
-        assert!(means[2].is_nan());
-        assert_eq!(means.len(), 3);
+        let Blocks { values, thinness } = Blocks::new(&[1.0, 3.0, nan, 4.0, nan, nan, 9.0], 2);
+        assert_eq!(&values[..2], [2.0, 4.0]);
+        assert!(values[2].is_nan());
+        assert_eq!((values.len(), &thinness[..2]), (3, &[1.0, 2.0][..]));
+        let sparse: Vec<f64> = (0..1000).map(|row| if row % 5 == 0 { 1.0 } else { nan }).collect();
+        assert!(block_means(&sparse, 10).iter().all(|mean| *mean == 1.0));
     }
 }

@@ -13,7 +13,7 @@ use super::likelihood::{
     Correlated, Fit, Parameters, Parts, Removed, best_starts, fit, standardised_innovations,
 };
 use super::published::{PublishedFit, published_fit};
-use super::series::block_means;
+use super::series::Blocks;
 
 /// Longer series are averaged over blocks before they are fitted.
 const MOST_VALUES: usize = 20_000;
@@ -59,7 +59,7 @@ impl NoiseStructure {
 pub fn noise_structure(values: &[f64], step_s: f64, stopped: &dyn Fn() -> bool) -> NoiseStructure {
     let factor = values.len().div_ceil(MOST_VALUES).max(1);
     let spacing_s = factor as f64 * step_s;
-    let blocks = block_means(values, factor);
+    let blocks = Blocks::new(values, factor);
     let about = |removed| {
         let published = published_fit(values, step_s, removed);
         let models = select(&blocks, spacing_s, removed, published.as_ref(), stopped);
@@ -76,7 +76,7 @@ pub fn noise_structure(values: &[f64], step_s: f64, stopped: &dyn Fn() -> bool) 
 
 /// The models on the way of the selection, best first.
 fn select(
-    values: &[f64],
+    values: &Blocks,
     spacing_s: f64,
     removed: Removed,
     published: Option<&PublishedFit>,
@@ -87,7 +87,7 @@ fn select(
     let mut models: Vec<Fit> = best.iter().cloned().collect();
     while let Some(found) = best.take() {
         let further = [
-            (found.parts.with_markov(), scan_markov(values.len(), &found)),
+            (found.parts.with_markov(), scan_markov(values.values.len(), &found)),
             (found.parts.with_cosine(), scan_cosine(values, &found)),
             (found.parts.with_walk(), scan_walk(&found)),
         ];
@@ -150,8 +150,8 @@ fn scan_markov(count: usize, found: &Fit) -> Vec<Parameters> {
         .collect()
 }
 
-fn scan_cosine(values: &[f64], found: &Fit) -> Vec<Parameters> {
-    let count = values.len();
+fn scan_cosine(values: &Blocks, found: &Fit) -> Vec<Parameters> {
+    let count = values.values.len();
     // A narrow line is easily missed by a grid: the strongest of the innovations is scanned with all decays.
     let line = strongest_angle(&standardised_innovations(values, found));
     let sigmas = powers(4, SIGMA_FACTOR).map(|ratio| 0.08 * ratio * unit(found));
@@ -196,7 +196,7 @@ fn parameters_of(published: &PublishedFit, spacing_s: f64) -> Option<Parameters>
 }
 
 /// p-value of the Ljung–Box statistic of the standardised innovations.
-fn whiteness(values: &[f64], fit: &Fit) -> f64 {
+fn whiteness(values: &Blocks, fit: &Fit) -> f64 {
     let innovations = standardised_innovations(values, fit);
     let lags = WHITENESS_LAGS.min(innovations.len() / 5);
     let found = autocorrelation(&innovations, lags, Centre::Zero);

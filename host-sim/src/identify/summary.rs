@@ -21,7 +21,11 @@ impl fmt::Display for Identification {
 impl fmt::Display for SensorIdentification {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let unit = self.written_unit;
-        writeln!(f, "{} ({}), {} values, {} missing", self.id, self.kind, self.present, self.missing)?;
+        write!(f, "{} ({}), {} values, {} missing", self.id, self.kind, self.present, self.missing)?;
+        if self.spikes > 0 {
+            write!(f, ", {} set aside, far from the readings around them", self.spikes)?;
+        }
+        writeln!(f)?;
         let Some(model) = self.structure.models.first() else {
             return writeln!(f, "  too few values, or all the same");
         };
@@ -37,7 +41,10 @@ impl fmt::Display for SensorIdentification {
         if let Some(floor) = &self.floor {
             let deviation = floor.deviation / self.written_unit_in_si;
             let reached = if floor.reached { "" } else { ", and not rising again" };
-            line("Allan floor", &format!("{deviation:.3e} {unit} at {:.0} s{reached}", floor.tau_s))?;
+            line(
+                "Allan floor",
+                &format!("{deviation:.3e} {unit} at {} s{reached}", three_digits(floor.tau_s)),
+            )?;
         }
         for coefficient in &self.coefficients {
             let label = format!("{} {}", coefficient.symbol, coefficient.name);
@@ -48,6 +55,13 @@ impl fmt::Display for SensorIdentification {
         }
         Ok(())
     }
+}
+
+/// A positive number in three digits, without an exponent.
+fn three_digits(value: f64) -> String {
+    let digits = (2.0 - value.log10().floor()).clamp(0.0, 12.0) as usize;
+    let text = format!("{value:.digits$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
 impl SensorIdentification {
