@@ -136,35 +136,11 @@ pub struct AuxConversion {
 }
 
 impl AuxConversion {
-    /// The conversion of the auxiliary unit `name`.
+    /// The conversion of the auxiliary unit `name`: as it is written, else in any case and by its other names.
     pub fn of(name: &str) -> Self {
-        let (unit, factor, offset) = match name {
-            "degF" => ("degC", 5.0 / 9.0, -160.0 / 9.0),
-            "mK" => ("K", 1e-3, 0.0),
-            "mV" => ("V", 1e-3, 0.0),
-            "mA" => ("A", 1e-3, 0.0),
-            "hPa" | "mbar" => ("Pa", 1e2, 0.0),
-            "kPa" => ("Pa", 1e3, 0.0),
-            "bar" => ("Pa", 1e5, 0.0),
-            "G" => ("T", 1e-4, 0.0),
-            "mG" => ("T", 1e-7, 0.0),
-            "mT" => ("T", 1e-3, 0.0),
-            "uT" => ("T", 1e-6, 0.0),
-            "nT" => ("T", 1e-9, 0.0),
-            "deg" => ("rad", PI / 180.0, 0.0),
-            "mrad" => ("rad", 1e-3, 0.0),
-            "arcsec" => ("rad", PI / 648_000.0, 0.0),
-            "deg/s" => ("rad/s", PI / 180.0, 0.0),
-            "deg/h" => ("rad/s", PI / 648_000.0, 0.0),
-            "g" => ("m/s^2", STANDARD_GRAVITY, 0.0),
-            "mg" => ("m/s^2", STANDARD_GRAVITY / 1e3, 0.0),
-            "ug" => ("m/s^2", STANDARD_GRAVITY / 1e6, 0.0),
-            "km/h" => ("m/s", 1.0 / 3.6, 0.0),
-            "knot" => ("m/s", 1852.0 / 3600.0, 0.0),
-            "mm" => ("m", 1e-3, 0.0),
-            "cm" => ("m", 1e-2, 0.0),
-            same => (same, 1.0, 0.0),
-        };
+        let name = name.trim();
+        let (unit, factor, offset) =
+            known(name).or_else(|| known(other_name(name)?)).unwrap_or((name, 1.0, 0.0));
         Self { unit: unit.to_owned(), factor, offset }
     }
 
@@ -177,6 +153,82 @@ impl AuxConversion {
     pub fn is_identity(&self) -> bool {
         self.factor == 1.0 && self.offset == 0.0
     }
+}
+
+/// SI unit, factor and offset of a unit as its symbol is written: G is gauss, g gravity.
+fn known(name: &str) -> Option<(&'static str, f64, f64)> {
+    Some(match name {
+        "degC" => ("degC", 1.0, 0.0),
+        "degF" => ("degC", 5.0 / 9.0, -160.0 / 9.0),
+        "K" => ("K", 1.0, 0.0),
+        "mK" => ("K", 1e-3, 0.0),
+        "V" => ("V", 1.0, 0.0),
+        "mV" => ("V", 1e-3, 0.0),
+        "A" => ("A", 1.0, 0.0),
+        "mA" => ("A", 1e-3, 0.0),
+        "Pa" => ("Pa", 1.0, 0.0),
+        "hPa" | "mbar" => ("Pa", 1e2, 0.0),
+        "kPa" => ("Pa", 1e3, 0.0),
+        "bar" => ("Pa", 1e5, 0.0),
+        "psi" => ("Pa", 6894.757_293_168_361, 0.0),
+        "T" => ("T", 1.0, 0.0),
+        "G" => ("T", 1e-4, 0.0),
+        "mG" => ("T", 1e-7, 0.0),
+        "mT" => ("T", 1e-3, 0.0),
+        "uT" => ("T", 1e-6, 0.0),
+        "nT" => ("T", 1e-9, 0.0),
+        "rad" => ("rad", 1.0, 0.0),
+        "deg" => ("rad", PI / 180.0, 0.0),
+        "mrad" => ("rad", 1e-3, 0.0),
+        "arcsec" => ("rad", PI / 648_000.0, 0.0),
+        "rad/s" => ("rad/s", 1.0, 0.0),
+        "deg/s" => ("rad/s", PI / 180.0, 0.0),
+        "deg/h" => ("rad/s", PI / 648_000.0, 0.0),
+        "m/s^2" => ("m/s^2", 1.0, 0.0),
+        "g" => ("m/s^2", STANDARD_GRAVITY, 0.0),
+        "mg" => ("m/s^2", STANDARD_GRAVITY / 1e3, 0.0),
+        "ug" => ("m/s^2", STANDARD_GRAVITY / 1e6, 0.0),
+        "m/s" => ("m/s", 1.0, 0.0),
+        "km/h" => ("m/s", 1.0 / 3.6, 0.0),
+        "knot" => ("m/s", 1852.0 / 3600.0, 0.0),
+        "m" => ("m", 1.0, 0.0),
+        "mm" => ("m", 1e-3, 0.0),
+        "cm" => ("m", 1e-2, 0.0),
+        _ => return None,
+    })
+}
+
+/// The symbol of a unit that is written otherwise, in capitals or small letters.
+fn other_name(name: &str) -> Option<&'static str> {
+    Some(match name.to_lowercase().replace(['_', ' '], "").as_str() {
+        "c" | "degc" | "°c" | "℃" | "celsius" | "centigrade" | "degreescelsius" => "degC",
+        "f" | "degf" | "°f" | "℉" | "fahrenheit" | "degreesfahrenheit" => "degF",
+        "k" | "kelvin" => "K",
+        "v" | "volt" | "volts" => "V",
+        "mv" | "millivolt" | "millivolts" => "mV",
+        "a" | "amp" | "amps" | "ampere" => "A",
+        "ma" | "milliamp" | "milliampere" => "mA",
+        "pa" | "pascal" => "Pa",
+        "hpa" | "mbar" | "millibar" => "hPa",
+        "kpa" => "kPa",
+        "bar" => "bar",
+        "psi" => "psi",
+        "tesla" => "T",
+        "gauss" => "G",
+        "milligauss" => "mG",
+        "ut" | "µt" | "μt" | "microtesla" => "uT",
+        "nt" | "nanotesla" => "nT",
+        "radian" | "radians" => "rad",
+        "deg" | "°" | "degree" | "degrees" => "deg",
+        "rad/s" => "rad/s",
+        "deg/s" | "°/s" | "dps" => "deg/s",
+        "deg/h" | "°/h" | "deg/hr" | "dph" => "deg/h",
+        "m/s^2" | "m/s2" | "m/s²" | "m/s/s" => "m/s^2",
+        "m/s" => "m/s",
+        "km/h" | "kmh" | "kph" => "km/h",
+        "knot" | "knots" | "kn" | "kt" | "kts" => "knot",
+        _ => return None,
+    })
 }
 
 #[cfg(test)]
@@ -200,5 +252,14 @@ mod tests {
         assert!((AuxConversion::of("G").apply(0.5) - 50e-6).abs() < 1e-18);
         assert!(AuxConversion::of("degC").is_identity());
         assert_eq!(AuxConversion::of("smoot").unit, "smoot");
+        for name in ["degF", "F", "f", "DEGF", "fahrenheit", "Fahrenheit", "°F", "deg F"] {
+            assert!((AuxConversion::of(name).apply(32.0)).abs() < 1e-12, "{name}");
+            assert_eq!(AuxConversion::of(name).unit, "degC", "{name}");
+        }
+        for (name, unit) in
+            [("C", "degC"), ("Celsius", "degC"), ("VOLT", "V"), ("MBAR", "Pa"), ("G", "T"), ("g", "m/s^2")]
+        {
+            assert_eq!(AuxConversion::of(name).unit, unit, "{name}");
+        }
     }
 }
