@@ -102,7 +102,9 @@ impl EvenClock {
 
     fn search(&self, stamps_s: &[f64]) -> (Lost, Scatter) {
         let mut search = LostRows::new(self.clone());
-        stamps_s.iter().for_each(|&stamp_s| search.add(stamp_s));
+        for &stamp_s in stamps_s {
+            search.add(stamp_s);
+        }
         search.finish()
     }
 

@@ -190,7 +190,9 @@ impl Survey {
         };
         self.counter = Some(if let Some(even) = &clock.even {
             let mut search = Box::new(LostRows::new(even.clone()));
-            stamps_s.iter().for_each(|&stamp_s| search.add(stamp_s));
+            for stamp_s in stamps_s {
+                search.add(stamp_s);
+            }
             Counter::Even { clock, search }
         } else {
             if let Some(problem) = self.repeated.take() {

@@ -83,12 +83,14 @@ impl Timed {
         if unit_s != 1.0 {
             // Divided, as the reciprocals of these units are whole numbers, so that each is rounded once.
             let per_s = unit_s.recip().round();
-            stamps.iter_mut().for_each(|stamp| *stamp /= per_s);
+            for stamp in stamps.iter_mut() {
+                *stamp /= per_s;
+            }
         }
     }
 
     /// What is left of a chunk.
-    fn remedied(&mut self, columns: Columns, duplicates: Duplicates) -> Columns {
+    fn remedied(&mut self, columns: &Columns, duplicates: Duplicates) -> Columns {
         self.width = columns.values.len();
         let mut kept = Columns::none(self.width);
         kept.warnings.clone_from(&columns.warnings);
@@ -193,7 +195,7 @@ impl Iterator for Timed {
         };
         self.in_seconds(&mut columns);
         let Some(duplicates) = self.duplicates else { return Some(Ok(columns)) };
-        Some(Ok(self.remedied(columns, duplicates)))
+        Some(Ok(self.remedied(&columns, duplicates)))
     }
 }
 
@@ -262,9 +264,9 @@ fn unit_in_name(name: &str) -> Option<TimeUnit> {
         return named(ending.trim());
     }
     // `TimeUS`, `timeMs`: the unit begins with a capital behind a small letter.
-    let (at, _) = (name.char_indices().zip(name.chars().skip(1)))
+    let at = (name.char_indices().zip(name.chars().skip(1)))
         .filter(|((_, before), after)| before.is_lowercase() && after.is_uppercase())
-        .map(|((at, before), _)| (at + before.len_utf8(), ()))
+        .map(|((at, before), _)| at + before.len_utf8())
         .last()?;
     named(&name.get(at..)?.to_lowercase())
 }

@@ -5,7 +5,7 @@ use super::stamps::Timed;
 use super::{Quality, Recording};
 use crate::case::CaseFile;
 use crate::error::Error;
-use crate::table::{self, CHUNK_ROWS, Columns};
+use crate::table::{CHUNK_ROWS, Columns};
 
 /// A recording that is read in order, as often as wanted, in memory that does not grow with its length.
 #[derive(Debug)]
