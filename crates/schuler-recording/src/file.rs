@@ -45,7 +45,7 @@ pub fn bytes(path: &Path, doing: &str) -> Result<Vec<u8>, Error> {
 /// The text of a file, without a byte order mark.
 ///
 /// # Errors
-/// As [`bytes`], or a byte that is not UTF-8, by its line.
+/// As [`bytes()`], or a byte that is not UTF-8, by its line.
 pub fn text(path: &Path, doing: &str) -> Result<String, Error> {
     String::from_utf8(bytes(path, doing)?)
         .map(|text| text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))

@@ -8,7 +8,7 @@
 //! | [`recording`] | case and table together: arrays in SI units on the nominal step grid, gaps marked |
 //! | [`motion`] | Earth rate, gravity and attitude; the ideal sensor's output for the recorded or static motion |
 //! | [`document`] | a TOML document read field by field, with every mistake named by file, line, field and expectation |
-//! | [`file`] | opening a file for reading, and how much of one is read as a whole |
+//! | [`mod@file`] | opening a file for reading, and how much of one is read as a whole |
 //! | [`leniency`] | whether what cannot be understood is an error or left out and counted |
 //! | [`error`] | what is wrong with a file, and where |
 //!
