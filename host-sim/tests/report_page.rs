@@ -5,6 +5,7 @@ mod report_sample;
 use std::path::Path;
 
 use browser::Browser;
+use host_sim::plot::Format;
 use serde_json::{Value, json};
 
 /// Largest page of a day of six sensors, bytes.
@@ -276,6 +277,18 @@ fn figures_are_drawn_for_every_sensor_and_finding() {
     for (name, figure) in &figures {
         assert!(figure.to_svg().is_ok(), "{name}");
     }
-    let hostile = report_sample::report("../").figures();
-    assert!(hostile.iter().all(|(name, _)| !name.contains(['/', '.'])));
+    // Whatever a sensor is called, its figure stays in the directory.
+    let directory = tempfile::tempdir().unwrap();
+    let inside = directory.path().join("figures");
+    std::fs::create_dir(&inside).unwrap();
+    for (name, figure) in report_sample::report("../").figures() {
+        for path in figure.write(&inside, &name, &[Format::Svg]).unwrap() {
+            assert_eq!(
+                path.canonicalize().unwrap().parent(),
+                Some(&*inside.canonicalize().unwrap()),
+                "{name}"
+            );
+        }
+    }
+    assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 1);
 }

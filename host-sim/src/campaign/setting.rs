@@ -12,7 +12,9 @@
 //! | radio | unknown | Doppler log beside the velocity of an inertial system |
 //! | channel | velocity error | Schuler loop with its gyro and accelerometer |
 use nalgebra::{Unit as UnitVector, Vector3};
-use schuler_recording::case::{ExponentialCosine, Markov, Nominal, Quantity, SchulerLoop as NominalLoop};
+use schuler_recording::case::{
+    ELECTRONICS as AT_ELECTRONICS, ExponentialCosine, Markov, Nominal, Quantity, SchulerLoop as NominalLoop,
+};
 use schuler_recording::unit::Unit;
 use serde::{Deserialize, Serialize};
 
@@ -294,7 +296,7 @@ fn surroundings(scenario: &mut Scenario, near: Option<&str>, draw: &mut Draw) {
         let place = 0.95 * bar.length_m;
         heaters.push((place, Profile { points, amplitude: 0.0, period_s: 1.0 }));
         scenario.environment.electronics_position_m = Some(place);
-        scenario.recorded.thermometers.push(thermometer(ELECTRONICS, None, place));
+        scenario.recorded.thermometers.push(thermometer(ELECTRONICS, Some(AT_ELECTRONICS), place));
     }
     for gyro in &mut scenario.gyros {
         gyro.position_m = position;

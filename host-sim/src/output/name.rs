@@ -21,7 +21,10 @@ pub fn file_name(name: &str) -> String {
         end -= 1;
     }
     safe.truncate(end);
-    if safe == name && !safe.is_empty() {
+    if safe.is_empty() {
+        safe.push('_');
+    }
+    if safe == name {
         return safe;
     }
     let (basis, prime) = FNV;
