@@ -6,7 +6,11 @@ use numpy::{
 };
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use pyo3::types::{PyList, PyTuple};
 use schuler_core::config::ConfigError;
+
+/// Lists within each other that an array-like may have.
+const DEEPEST: usize = 8;
 
 /// The numbers of an array-like of one dimension; NaN where a masked array is masked.
 ///
@@ -35,6 +39,20 @@ pub(crate) fn exactly<const N: usize>(name: &str, values: &Bound<'_, PyAny>) -> 
     flat.try_into().map_err(|_| wrong(format!("{name}: expected {N} numbers")))
 }
 
+/// Whether lists lie more than [`DEEPEST`] times within each other. numpy goes through all that they hold before it refuses
+/// them, and lists that are held twice by lists that are held twice, and so on, hold more than there is memory for.
+fn is_deep(values: &Bound<'_, PyAny>) -> PyResult<bool> {
+    let mut inner = values.clone();
+    for _ in 0..DEEPEST {
+        if !(inner.is_instance_of::<PyList>() || inner.is_instance_of::<PyTuple>()) {
+            return Ok(false);
+        }
+        let Some(first) = inner.try_iter()?.next() else { return Ok(false) };
+        inner = first?;
+    }
+    Ok(true)
+}
+
 /// The numbers of an array-like whose shape is `fitting`, row by row.
 fn numbers(
     name: &str,
@@ -43,6 +61,10 @@ fn numbers(
     fitting: impl Fn(&[usize]) -> bool,
 ) -> PyResult<Vec<f64>> {
     let py = values.py();
+    if is_deep(values)? {
+        let found = format!("{name}: found lists within lists more than {DEEPEST} times");
+        return Err(wrong(format!("{found}; expected numbers of shape {expected}")));
+    }
     let numpy = py.import("numpy")?;
     let array = numpy.call_method1("asanyarray", (values,)).map_err(|error| {
         wrong(format!("{name}: {}; expected numbers of shape {expected}", error.value(py)))
