@@ -4,7 +4,7 @@
 //! | --- | --- |
 //! | [`case`] | the case file `schuler-case/1`, as written: types, reader, writer |
 //! | [`mod@unit`] | the units of the case file and their conversion to SI |
-//! | [`table`] | tables of numbers: CSV, gzipped CSV, Parquet, MCAP and PX4 ULog read; the first three written |
+//! | [`table`] | tables of numbers: text, Parquet, logs and arrays read; CSV and Parquet written |
 //! | [`recording`] | case and table together: arrays in SI units on the nominal step grid, gaps marked |
 //! | [`motion`] | Earth rate, gravity and attitude; the ideal sensor's output for the recorded or static motion |
 //! | [`document`] | a TOML document read field by field, with every mistake named by file, line, field and expectation |

@@ -15,8 +15,8 @@ const CASE: &str = "toml";
 /// What its help teaches.
 const EXAMPLES: &str = "\
 Examples:
-  The table of a flight log, as Parquet:
-    schuler convert flight.ulg flight.parquet
+  The messages of one topic of a flight log, as Parquet:
+    schuler convert flight.ulg flight.parquet --columns 'sensor_gyro_0.*'
 
   One minute of one sensor, to look at:
     schuler convert flight.ulg minute.csv --columns 'sensor_gyro_0.*' --from 100 --to 160
@@ -28,7 +28,7 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Arguments {
-    /// Table (CSV, .csv.gz, Parquet, MCAP, PX4 ULog), or a case, whose table is converted with it.
+    /// Table (text, Parquet, MCAP, ROS 1 bag, PX4 ULog, DataFlash, NumPy), or a case, whose table is converted with it.
     #[arg(value_name = "IN")]
     input: PathBuf,
     /// File to write, .csv, .csv.gz or .parquet; of a case the directory, which is made if it is not there.

@@ -28,6 +28,8 @@ const FOLLOW: f64 = 1.0 / 2000.0;
 const GROWING: f64 = 3.0;
 /// Part of the lags that may be beyond the usual ones by more than a step.
 const FEW_BEYOND: f64 = 0.02;
+/// More rows than this are not counted; a table of which as many are lost is refused.
+const MOST_LOST: f64 = 1e12;
 /// Rounds of refining the step.
 const ROUNDS: usize = 4;
 /// A step that changes by less than this part in a round has settled.
@@ -256,7 +258,7 @@ impl LostRows {
         if let Some(&(_, least_s)) = self.least.front().filter(|_| whole_window) {
             let late_s = least_s - self.line.over_s(step_s) - self.clock.usual_s[0];
             if late_s > LOST * step_s {
-                let count = (late_s / step_s).round().max(1.0) as usize;
+                let count = (late_s / step_s).round().clamp(1.0, MOST_LOST) as usize;
                 self.lost.push((row, count));
                 self.line.lost += count;
             }

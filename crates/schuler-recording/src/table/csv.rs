@@ -1,13 +1,15 @@
-//! Tables as comma-separated values: one header row with the names of the columns.
+//! Tables as text: one header row with the names of the columns, cells separated as
+//! [`super::dialect`] finds.
 //!
 //! A line is a row. Rows that differ from the header in their number of cells, quotes that do not close and cells that are no
 //! numbers are errors by line, or, leniently, left out and counted.
-use std::io::{self, BufRead, Write};
+use std::io::{self, BufRead, BufReader, Cursor, Read, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use super::lines::{LONGEST_LINE, LineError, Lines, split};
-use super::{BUFFER_BYTES, CHUNK_ROWS, Chunks, Columns, TableReader};
+use super::dialect::{Dialect, SAMPLE_BYTES, unmarked};
+use super::lines::{LONGEST_LINE, LineError, Lines};
+use super::{BUFFER_BYTES, CHUNK_ROWS, Chunks, Columns, TableReader, known};
 use crate::error::{Error, Problem};
 use crate::leniency::Leniency;
 
@@ -17,12 +19,12 @@ const SHOWN_CHARACTERS: usize = 40;
 /// and whoever reads can stop however little is found.
 const CHUNK_BYTES: u64 = 1 << 24;
 
-/// A CSV table of which the header has been read.
+/// A text table of which the header has been read.
 pub(super) struct CsvTable {
     path: PathBuf,
     names: Vec<String>,
     lines: Lines,
-    separator: u8,
+    dialect: Dialect,
     leniency: Leniency,
 }
 
@@ -30,34 +32,63 @@ impl CsvTable {
     /// Reads the header.
     ///
     /// # Errors
-    /// A file that cannot be read, or whose header is not one row of names.
-    pub(super) fn new(path: &Path, bytes: Box<dyn BufRead>, leniency: Leniency) -> Result<Self, Error> {
-        let lines = Lines::new(bytes).map_err(|error| Error::io(path, "read the table", &error))?;
-        let mut table = Self { path: path.to_owned(), names: Vec::new(), lines, separator: b',', leniency };
-        if !table.advance()? {
-            return Err(header_error(path, "found an empty table"));
+    /// A file that cannot be read, that is of a format known and not read, or whose header is not
+    /// one row of names.
+    pub(super) fn new(path: &Path, mut bytes: Box<dyn BufRead>, leniency: Leniency) -> Result<Self, Error> {
+        let unreadable = |error: io::Error| Error::io(path, "read the table", &error);
+        let mut sample = Vec::new();
+        // A table that cannot be read further is a table all the same, up to there.
+        let failed = bytes.by_ref().take(SAMPLE_BYTES as u64).read_to_end(&mut sample).err();
+        if let Some(error) = failed.as_ref().filter(|_| sample.is_empty()) {
+            return Err(Error::io(path, "read the table", error));
         }
-        let line = table.lines.line();
+        if let Some(message) = known::named(&sample) {
+            return Err(Error::one(path, Problem::of_file(message)));
+        }
+        let dialect = Dialect::of(&sample);
+        let bytes = Cursor::new(sample).chain(BufReader::new(Failed(failed))).chain(bytes);
+        let lines = Lines::new(Box::new(bytes)).map_err(unreadable)?;
+        let mut table = Self { path: path.to_owned(), names: Vec::new(), lines, dialect, leniency };
+        for _ in 0..dialect.preamble {
+            table.advance()?;
+        }
+        table.names = table.header()?;
+        if dialect.units {
+            table.advance()?;
+        }
+        Ok(table)
+    }
+
+    /// The names in the next line.
+    fn header(&mut self) -> Result<Vec<String>, Error> {
+        if !self.advance()? {
+            return Err(self.bad_header("found an empty table"));
+        }
+        let line = self.lines.line();
         let line = line.strip_prefix(b"\xef\xbb\xbf").unwrap_or(line);
+        let line = if self.dialect.marked { unmarked(line) } else { line };
         let mut cells = Vec::new();
-        split(line, table.separator, &mut cells)
-            .map_err(|_| header_error(path, "found a quote that does not close"))?;
+        self.dialect
+            .split(line, &mut cells)
+            .map_err(|_| self.bad_header("found a quote that does not close"))?;
         let mut names = cells
             .into_iter()
             .map(|cell| std::str::from_utf8(line[cell].trim_ascii()).map(|name| name.replace("\"\"", "\"")))
             .collect::<Result<Vec<_>, _>>()
-            .map_err(|_| header_error(path, "found bytes that are not UTF-8"))?;
+            .map_err(|_| self.bad_header("found bytes that are not UTF-8"))?;
         while names.last().is_some_and(String::is_empty) {
             names.pop();
         }
         if names.is_empty() {
-            return Err(header_error(path, "found an empty table"));
+            return Err(self.bad_header("found an empty table"));
         }
         if names.iter().all(|name| name.parse::<f64>().is_ok()) {
-            return Err(header_error(path, "found numbers only"));
+            return Err(self.bad_header("found numbers only"));
         }
-        table.names = names;
-        Ok(table)
+        if names.iter().any(|name| name.contains('\0')) {
+            return Err(self.bad_header("found binary data of no format that is known"));
+        }
+        Ok(names)
     }
 
     /// Goes to the next line.
@@ -72,6 +103,10 @@ impl CsvTable {
                 self.bad_line(format!("{found}; expected a row of a table"))
             }
         })
+    }
+
+    fn bad_header(&self, found: &str) -> Error {
+        self.bad_line(format!("{found}; expected a header row with the names of the columns"))
     }
 
     fn bad_line(&self, problem: String) -> Error {
@@ -120,7 +155,7 @@ impl Counted {
     }
 }
 
-/// The rows of a CSV table.
+/// The rows of a text table.
 struct CsvRows {
     table: CsvTable,
     wanted: Vec<usize>,
@@ -178,7 +213,7 @@ impl CsvRows {
     fn split(&mut self) -> Result<(), Departure> {
         let table = &self.table;
         let line = table.lines.line();
-        split(line, table.separator, &mut self.cells).map_err(|_| {
+        table.dialect.split(line, &mut self.cells).map_err(|_| {
             let problem = "found a quote that does not close; expected none, or two around a cell";
             Departure::Other(table.bad_line(problem.to_owned()))
         })?;
@@ -199,7 +234,7 @@ impl CsvRows {
         let lenient = table.leniency.is_lenient();
         for (place, &column) in self.wanted.iter().enumerate() {
             let cell = self.cells.get(column).map_or(&[][..], |cell| &line[cell.clone()]);
-            let value = match number(cell) {
+            let value = match table.dialect.number(cell) {
                 Some(value) => value,
                 None if !lenient => return Err(table.bad_cell(column, cell)),
                 // The first column is the time, without which a row has no place.
@@ -252,20 +287,13 @@ enum Departure {
     Other(Error),
 }
 
-/// The number in a cell, NaN where it is missing, `None` where there is something else.
-fn number(cell: &[u8]) -> Option<f64> {
-    let cell = cell.trim_ascii();
-    if cell.is_empty() {
-        return Some(f64::NAN);
-    }
-    std::str::from_utf8(cell).ok()?.parse().ok()
-}
+/// An error, once, and then nothing.
+struct Failed(Option<io::Error>);
 
-fn header_error(path: &Path, found: &str) -> Error {
-    Error::one(
-        path,
-        Problem::new(Some(1), "", format!("{found}; expected a header row with the names of the columns")),
-    )
+impl Read for Failed {
+    fn read(&mut self, _: &mut [u8]) -> io::Result<usize> {
+        self.0.take().map_or(Ok(0), Err)
+    }
 }
 
 /// Writes rows beneath a header.

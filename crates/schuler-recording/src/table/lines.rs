@@ -28,8 +28,7 @@ pub(super) struct Lines {
 impl Lines {
     /// Of a text that begins with these bytes. Lines end in LF, in CR LF, or, where there is no LF, in CR.
     pub(super) fn new(mut bytes: Box<dyn BufRead>) -> io::Result<Self> {
-        let beginning = bytes.fill_buf()?;
-        let end = if !beginning.contains(&b'\n') && beginning.contains(&b'\r') { b'\r' } else { b'\n' };
+        let end = line_end(bytes.fill_buf()?);
         Ok(Self { bytes, end, line: Vec::new(), number: 0, taken: 0 })
     }
 
@@ -65,6 +64,11 @@ impl Lines {
     }
 }
 
+/// The byte that ends the lines of a text that begins so: LF, or CR where there is no LF.
+pub(super) fn line_end(beginning: &[u8]) -> u8 {
+    if !beginning.contains(&b'\n') && beginning.contains(&b'\r') { b'\r' } else { b'\n' }
+}
+
 /// A quote that opens and does not close in its line, closes what is not open, or has text behind it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Unbalanced;
@@ -97,24 +101,62 @@ pub(super) fn split(line: &[u8], separator: u8, cells: &mut Vec<Range<usize>>) -
     }
 }
 
+/// As [`split`], of cells that are separated by one or more blanks or tabs.
+pub(super) fn split_at_blanks(line: &[u8], cells: &mut Vec<Range<usize>>) -> Result<(), Unbalanced> {
+    cells.clear();
+    let mut from = 0;
+    loop {
+        let rest = line.get(from..).unwrap_or_default();
+        from += rest.iter().take_while(|&&byte| matches!(byte, b' ' | b'\t')).count();
+        let rest = line.get(from..).unwrap_or_default();
+        let (cell, end) = match rest.first() {
+            None => return Ok(()),
+            Some(b'"') => quoted_word(line, from + 1)?,
+            Some(_) => {
+                let length = rest.iter().position(|&byte| matches!(byte, b' ' | b'\t')).unwrap_or(rest.len());
+                if rest.iter().take(length).filter(|&&byte| byte == b'"').count() % 2 == 1 {
+                    return Err(Unbalanced);
+                }
+                (from..from + length, from + length)
+            }
+        };
+        cells.push(cell);
+        from = end;
+    }
+}
+
 fn is_blank(byte: u8, separator: u8) -> bool {
     matches!(byte, b' ' | b'\t') && byte != separator
 }
 
 /// The cell whose opening quote is just before `from`, and where its separator or the end of the line is.
 fn quoted(line: &[u8], separator: u8, from: usize) -> Result<(Range<usize>, usize), Unbalanced> {
+    let close = closing_quote(line, from)?;
+    let behind = &line[close + 1..];
+    let blanks = behind.iter().take_while(|&&byte| is_blank(byte, separator)).count();
+    let end = close + 1 + blanks;
+    if end == line.len() || line[end] == separator { Ok((from..close, end)) } else { Err(Unbalanced) }
+}
+
+/// As [`quoted`], of a cell behind which a blank or the end of the line stands.
+fn quoted_word(line: &[u8], from: usize) -> Result<(Range<usize>, usize), Unbalanced> {
+    let close = closing_quote(line, from)?;
+    match line.get(close + 1) {
+        None | Some(b' ' | b'\t') => Ok((from..close, close + 1)),
+        Some(_) => Err(Unbalanced),
+    }
+}
+
+/// Where the next quote is that is not doubled.
+fn closing_quote(line: &[u8], from: usize) -> Result<usize, Unbalanced> {
     let mut at = from;
     loop {
         at += line.get(at..).unwrap_or_default().iter().position(|&byte| byte == b'"').ok_or(Unbalanced)?;
         if line.get(at + 1) != Some(&b'"') {
-            break;
+            return Ok(at);
         }
         at += 2;
     }
-    let behind = &line[at + 1..];
-    let blanks = behind.iter().take_while(|&&byte| is_blank(byte, separator)).count();
-    let end = at + 1 + blanks;
-    if end == line.len() || line[end] == separator { Ok((from..at, end)) } else { Err(Unbalanced) }
 }
 
 #[cfg(test)]
@@ -142,6 +184,25 @@ mod tests {
             ("1\t,2", vec!["1\t", "2"]),
         ] {
             assert_eq!(cells(line), Some(expected), "{line}");
+        }
+    }
+
+    #[test]
+    fn cells_stand_between_blanks_and_within_quotes() {
+        for (line, expected) in [
+            ("  1  2\t3 ", Some(vec!["1", "2", "3"])),
+            ("", Some(vec![])),
+            (" \t ", Some(vec![])),
+            ("\"a b\" 2", Some(vec!["a b", "2"])),
+            ("1 \"\"", Some(vec!["1", ""])),
+            ("1 \"2", None),
+            ("1 2\" 3", None),
+            ("\"1\"2 3", None),
+        ] {
+            let mut cells = Vec::new();
+            let split = split_at_blanks(line.as_bytes(), &mut cells);
+            let found: Vec<&str> = cells.into_iter().map(|cell| &line[cell]).collect();
+            assert_eq!(split.ok().map(|()| found), expected, "{line}");
         }
     }
 

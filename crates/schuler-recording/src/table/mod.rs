@@ -2,9 +2,12 @@
 //!
 //! | format | known by | columns are called |
 //! | --- | --- | --- |
-//! | CSV, gzipped CSV | being none of the others | as in its header row |
+//! | text: CSV, with semicolons, tabs or blanks; gzipped, too | being none of the others | as in its header row |
 //! | Parquet | `PAR1` | as in its schema; time stamps are in seconds |
 //! | MCAP | its magic bytes | `TOPIC.FIELD`: `/imu.angular_velocity.x`, `/imu.header.stamp`, `/imu@log_time` |
+//! | ROS 1 bag | its magic bytes | as in MCAP; when a message was recorded is `/imu@log_time` |
+//! | ArduPilot DataFlash | a first message `FMT` | `MESSAGE.LABEL`, `MESSAGE_INSTANCE.LABEL`: `ATT.Roll`, `IMU_0.GyrX` |
+//! | NumPy `.npy`, `.npz` | its magic bytes | the array's or field's name, of two axes `NAME[k]`; alone `array` |
 //! | PX4 ULog | its magic bytes | `TOPIC_INSTANCE.FIELD`: `sensor_gyro_0.x`, `sensor_gyro_0.timestamp` |
 //!
 //! A format is known by its first bytes, whatever the name. Readers go through a file a chunk of rows at a time
@@ -13,19 +16,27 @@
 //! of them are rows is described in [`log`].
 //!
 //! Nothing is read without a bound: a line of text of at most 64 MiB, a record of a log of at most 128 MiB, and of a log no more
-//! records than its size lets expect; what is longer is an error. A chunk ends after 16 MiB of text or 65 536 messages even if it
+//! records than its size lets expect; of a file of arrays 1 GiB, packed and
+//! unpacked; what is longer is an error. A chunk ends after 16 MiB of text or 65 536 messages even if it
 //! has no rows, so that whoever reads can stop.
 //!
 //! Integers of 64 bits are rounded to the nearest double, time stamps to the double nearest to the seconds they mean:
 //! a time stamp of 1 700 000 000 123 456 789 ns is the number that `1700000000.123456789` is in a CSV file. A further
 //! format is one more [`TableReader`] and one more arm of [`open`].
+mod arrays;
 mod copy;
 mod csv;
+mod dataflash;
+mod dates;
+mod dialect;
 mod join;
+mod kind;
+mod known;
 mod lines;
 pub mod log;
 mod mcap;
 mod number;
+mod numpy;
 mod parquet;
 mod seconds;
 mod ulog;
@@ -42,6 +53,7 @@ use crate::document::suggestion;
 use crate::error::{Error, Problem};
 use crate::file;
 use crate::leniency::Leniency;
+use kind::Kind;
 
 pub use copy::{Copied, copy};
 pub use write::{Format, TableWriter, write, write_to};
@@ -50,10 +62,10 @@ pub use write::{Format, TableWriter, write, write_to};
 const BUFFER_BYTES: usize = 1 << 18;
 /// Rows of a chunk.
 pub(crate) const CHUNK_ROWS: usize = 1 << 12;
+/// Columns that a message lists.
+const LISTED: usize = 12;
 /// First bytes of a gzip file.
 const GZIP_MAGIC: &[u8] = &[0x1f, 0x8b];
-/// First bytes of a Parquet file.
-const PARQUET_MAGIC: &[u8] = b"PAR1";
 
 /// Columns that were read from a table.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -130,7 +142,7 @@ pub trait TableReader {
     }
 
     /// The rows of the columns with the given indices (into [`names`](Self::names)), in this order; repetitions are
-    /// fine. Of MCAP and ULog files the first of them decides what the rows are ([`log`]).
+    /// fine. Of logs the first of them decides what the rows are ([`log`]).
     ///
     /// # Errors
     /// Columns that cannot be read. In the chunks: a cell that is neither a number nor missing, a row of another
@@ -171,14 +183,17 @@ pub fn open_with(path: &Path, leniency: Leniency) -> Result<Box<dyn TableReader>
     let unreadable = |error: io::Error| Error::io(path, "read the table", &error);
     let file = file::open(path, "read the table")?;
     let mut raw = BufReader::with_capacity(BUFFER_BYTES, file);
-    let beginning = raw.fill_buf().map_err(unreadable)?;
-    if beginning.starts_with(PARQUET_MAGIC) {
-        return Ok(Box::new(parquet::ParquetTable::new(path, raw.into_inner())?));
+    let kind = Kind::of(raw.fill_buf().map_err(unreadable)?);
+    match kind {
+        Kind::Parquet => Ok(Box::new(parquet::ParquetTable::new(path, raw.into_inner())?)),
+        Kind::Array | Kind::Archive => {
+            let mut bytes = Vec::new();
+            raw.take(arrays::LARGEST_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+            open_arrays(path, kind, &bytes)
+        }
+        Kind::Text => open_text(path, raw, leniency),
+        _ => open_log(path, kind, Box::new(raw)),
     }
-    if is_log(beginning) {
-        return open_log(path, raw);
-    }
-    open_text(path, raw, leniency)
 }
 
 /// Opens a table in memory; `path` is the name by which errors call it.
@@ -186,25 +201,32 @@ pub fn open_with(path: &Path, leniency: Leniency) -> Result<Box<dyn TableReader>
 /// # Errors
 /// As [`open`].
 pub fn open_bytes(path: &Path, bytes: Vec<u8>) -> Result<Box<dyn TableReader>, Error> {
-    if bytes.starts_with(PARQUET_MAGIC) {
-        return Ok(Box::new(parquet::ParquetTable::new(path, Bytes::from(bytes))?));
+    match Kind::of(&bytes) {
+        Kind::Parquet => Ok(Box::new(parquet::ParquetTable::new(path, Bytes::from(bytes))?)),
+        kind @ (Kind::Array | Kind::Archive) => open_arrays(path, kind, &bytes),
+        Kind::Text => open_text(path, Cursor::new(bytes), Leniency::Strict),
+        kind => open_log(path, kind, Box::new(Cursor::new(bytes))),
     }
-    if is_log(&bytes) {
-        return open_log(path, Cursor::new(bytes));
-    }
-    open_text(path, Cursor::new(bytes), Leniency::Strict)
 }
 
-fn is_log(beginning: &[u8]) -> bool {
-    beginning.starts_with(ulog::MAGIC) || beginning.starts_with(::mcap::MAGIC)
+/// Opens a file of arrays, which has all its bytes in memory.
+fn open_arrays(path: &Path, kind: Kind, bytes: &[u8]) -> Result<Box<dyn TableReader>, Error> {
+    if bytes.len() as u64 > arrays::LARGEST_BYTES {
+        return Err(Error::one(path, Problem::of_file(arrays::TOO_LARGE)));
+    }
+    Ok(Box::new(match kind {
+        Kind::Array => numpy::array_table(path, bytes)?,
+        _ => numpy::archive_table(path, bytes)?,
+    }))
 }
 
-fn open_log(path: &Path, mut raw: impl BufRead + Seek + 'static) -> Result<Box<dyn TableReader>, Error> {
-    let beginning = raw.fill_buf().map_err(|error| Error::io(path, "read the table", &error))?;
-    Ok(if beginning.starts_with(ulog::MAGIC) {
-        Box::new(log::LogTable::new(ulog::Ulog::new(path, Box::new(raw))?)?)
-    } else {
-        Box::new(log::LogTable::new(mcap::Mcap::new(path, Box::new(raw))?)?)
+/// Opens a file of messages.
+fn open_log(path: &Path, kind: Kind, bytes: Box<dyn Bytestream>) -> Result<Box<dyn TableReader>, Error> {
+    Ok(match kind {
+        Kind::Ulog => Box::new(log::LogTable::new(ulog::Ulog::new(path, bytes)?)?),
+        Kind::DataFlash => Box::new(log::LogTable::new(dataflash::DataFlash::new(path, bytes)?)?),
+        Kind::Bag => Box::new(log::LogTable::new(mcap::Mcap::of_bag(path, bytes)?)?),
+        _ => Box::new(log::LogTable::new(mcap::Mcap::new(path, bytes)?)?),
     })
 }
 
@@ -215,7 +237,16 @@ fn open_text(
 ) -> Result<Box<dyn TableReader>, Error> {
     let beginning = raw.fill_buf().map_err(|error| Error::io(path, "read the table", &error))?;
     let bytes: Box<dyn BufRead> = if beginning.starts_with(GZIP_MAGIC) {
-        Box::new(BufReader::with_capacity(BUFFER_BYTES, MultiGzDecoder::new(raw)))
+        if let Some(message) = known::named_by_ending(path) {
+            return Err(Error::one(path, Problem::of_file(message)));
+        }
+        let mut bytes = BufReader::with_capacity(BUFFER_BYTES, MultiGzDecoder::new(raw));
+        // What does not begin at all is told by the reader of text.
+        if bytes.fill_buf().is_ok_and(|beginning| Kind::of(beginning) != Kind::Text) {
+            let message = "found a compressed file, of which only text is read; unpack it first: gunzip";
+            return Err(Error::one(path, Problem::of_file(message)));
+        }
+        Box::new(bytes)
     } else {
         Box::new(raw)
     };
@@ -236,10 +267,18 @@ pub fn column_index(names: &[String], name: &str) -> Result<usize, String> {
         }
         (None, _) => {
             let hint = suggestion(name, names.iter().map(String::as_str));
-            let hint = hint.map(|meant| format!("; did you mean \"{meant}\"?")).unwrap_or_default();
+            let hint = hint.map_or_else(|| listed(names), |meant| format!("; did you mean \"{meant}\"?"));
             Err(format!("found \"{name}\"; expected a column of the table{hint}"))
         }
     }
+}
+
+/// The first columns that there are, for a message.
+fn listed(names: &[String]) -> String {
+    let first: Vec<&str> = names.iter().take(LISTED).map(String::as_str).collect();
+    let more =
+        if names.len() > LISTED { format!(" and {} more", names.len() - LISTED) } else { String::new() };
+    format!("; it has {}{more}", first.join(", "))
 }
 
 /// The decoders' own checks end in a panic for some damaged files; here that is an error like any other.

@@ -13,8 +13,9 @@ use parquet::file::metadata::{ParquetMetaData, ParquetMetaDataReader};
 use parquet::file::reader::ChunkReader;
 use parquet::schema::types::ColumnDescriptor;
 
+use super::kind::PARQUET_MAGIC;
 use super::seconds::seconds;
-use super::{CHUNK_ROWS, Chunks, Columns, PARQUET_MAGIC, TableReader, guarded};
+use super::{CHUNK_ROWS, Chunks, Columns, TableReader, guarded};
 use crate::error::{Error, Problem};
 
 /// Key under which Arrow keeps a schema of its own, which is not that of a copy.

@@ -16,6 +16,9 @@
 //! Text, bytes, maps, and arrays longer than 64 have no columns. A column is there if any message has it, missing where
 //! a message has not. Chunks may be compressed with LZ4 or Zstandard; every checksum is held to. A file that was not
 //! closed, without footer, summary or the end of its last chunk, is read as far as it goes, with a warning.
+//!
+//! ROS 1 bags ([`bag`]) hold the same: channels with schemas, and messages.
+pub(super) mod bag;
 mod json;
 mod protobuf;
 mod records;
@@ -46,10 +49,22 @@ const READ_BYTES: usize = 1 << 16;
 /// The times of every topic, which are its first fields.
 const TIMES: [&str; 2] = ["@log_time", "@publish_time"];
 
-/// An MCAP file of which the topics are known.
+/// The records of a log, in the order of the file.
+trait Source {
+    /// Goes to the first.
+    fn rewind(&mut self, path: &Path) -> Result<(), Error>;
+
+    /// The next record.
+    fn next(&mut self, path: &Path) -> Result<Option<Record<'_>>, Error>;
+
+    /// What the user should be told when the last has been read.
+    fn warnings(&self) -> Vec<String>;
+}
+
+/// A log of channels with schemas, of which the topics are known.
 pub(super) struct Mcap {
     path: PathBuf,
-    records: Records,
+    records: Box<dyn Source>,
     channels: HashMap<u16, Channel>,
     topics: Vec<Topic>,
     metadata: BTreeMap<String, String>,
@@ -142,9 +157,21 @@ impl Mcap {
     /// # Errors
     /// A file that cannot be read.
     pub(super) fn new(path: &Path, bytes: Box<dyn Bytestream>) -> Result<Self, Error> {
+        Self::of(path, Box::new(Records::new(bytes)))
+    }
+
+    /// Reads a ROS 1 bag for topics and fields.
+    ///
+    /// # Errors
+    /// A file that cannot be read.
+    pub(super) fn of_bag(path: &Path, bytes: Box<dyn Bytestream>) -> Result<Self, Error> {
+        Self::of(path, Box::new(bag::Bag::new(bytes)))
+    }
+
+    fn of(path: &Path, records: Box<dyn Source>) -> Result<Self, Error> {
         let mut mcap = Self {
             path: path.to_owned(),
-            records: Records::new(bytes),
+            records,
             channels: HashMap::new(),
             topics: Vec::new(),
             metadata: BTreeMap::new(),
@@ -292,12 +319,7 @@ impl Messages for Mcap {
     }
 
     fn warnings(&mut self) -> Vec<String> {
-        let mut warnings = Vec::new();
-        if self.records.cut_off {
-            warnings.push("the file is cut off; what is not whole at its end is left out".to_owned());
-        } else if !self.records.footer {
-            warnings.push("the file was not closed; it is read as far as it goes".to_owned());
-        }
+        let mut warnings = self.records.warnings();
         let [found, counted] = self.messages;
         if found != counted {
             warnings.push(format!("{found} messages are there, {counted} were written; the file is damaged"));
@@ -322,6 +344,19 @@ impl Records {
     fn new(bytes: Box<dyn Bytestream>) -> Self {
         let reader = LinearReader::new();
         Self { bytes, reader, record: Vec::new(), footer: false, cut_off: false, left: 0 }
+    }
+}
+
+impl Source for Records {
+    fn warnings(&self) -> Vec<String> {
+        let warning = if self.cut_off {
+            "the file is cut off; what is not whole at its end is left out"
+        } else if !self.footer {
+            "the file was not closed; it is read as far as it goes"
+        } else {
+            return Vec::new();
+        };
+        vec![warning.to_owned()]
     }
 
     fn rewind(&mut self, path: &Path) -> Result<(), Error> {

@@ -1,0 +1,197 @@
+//! Logs of other people's tools: ROS 1 bags, ArduPilot DataFlash, arrays of NumPy. The samples are made by `tests/oracle/make_logs.py`.
+use std::fs;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use schuler_recording::table::{self, Columns};
+use tempfile::TempDir;
+
+fn sample(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/samples").join(name)
+}
+
+/// Columns by their names.
+fn read(path: &Path, names: &[&str]) -> Columns {
+    let table = table::open(path).unwrap();
+    let wanted: Vec<usize> = names.iter().map(|name| table.index(name).unwrap()).collect();
+    table.read(&wanted).unwrap()
+}
+
+#[test]
+fn ros_1_bags_are_read_compressed_or_not() {
+    for (name, rows) in [("imu.bag", 400), ("plain.bag", 40)] {
+        let columns = read(
+            &sample(name),
+            &["/imu.header.stamp", "/imu.angular_velocity.x", "/imu.angular_velocity.y", "/imu@log_time"],
+        );
+        assert_eq!((columns.rows(), columns.warnings.len()), (rows, 0), "{name}: {:?}", columns.warnings);
+        for row in 0..rows {
+            let [stamp_s, x, y, logged_s] = [0, 1, 2, 3].map(|column| columns.values[column][row]);
+            let expected_s = 1_700_000_000.123_456_8 + 0.005 * row as f64;
+            assert!((stamp_s - expected_s).abs() < 1e-6 && (logged_s - stamp_s - 0.002).abs() < 1e-6);
+            assert_eq!((x, y), ((row as f64 / 10.0).sin(), row as f64));
+        }
+    }
+}
+
+#[test]
+fn a_bag_that_is_cut_off_is_read_as_far_as_it_goes() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("cut.bag");
+    let bytes = fs::read(sample("plain.bag")).unwrap();
+    let mut rows = Vec::new();
+    for length in [bytes.len() / 2, bytes.len() - 10] {
+        fs::write(&path, &bytes[..length]).unwrap();
+        match table::open(&path) {
+            Ok(table) => {
+                let columns = table.read(&[0]).unwrap();
+                assert!(columns.warnings[0].contains("cut off"), "{:?}", columns.warnings);
+                rows.push(columns.rows());
+            }
+            Err(error) => assert!(error.to_string().contains("found no numbers"), "{error}"),
+        }
+    }
+    assert_eq!(rows.last(), Some(&40));
+}
+
+/// A record of a bag: fields with their names, and data.
+fn record(fields: &[(&str, &[u8])], data: &[u8]) -> Vec<u8> {
+    let counted = |bytes: &[u8]| [&(bytes.len() as u32).to_le_bytes()[..], bytes].concat();
+    let pairs = fields.iter().map(|(name, value)| counted(&[name.as_bytes(), b"=", *value].concat()));
+    [counted(&pairs.collect::<Vec<_>>().concat()), counted(data)].concat()
+}
+
+/// Chunks that hold chunks could go on for ever.
+#[test]
+fn a_bag_has_no_chunks_in_chunks() {
+    let chunk = |data: &[u8]| {
+        let size = (data.len() as u32).to_le_bytes();
+        record(&[("op", &[5]), ("compression", b"none"), ("size", &size)], data)
+    };
+    let bag = |records: &[u8]| [b"#ROSBAG V2.0\n", records].concat();
+    let refused = |bytes: Vec<u8>| table::open_bytes(Path::new("a.bag"), bytes).err().unwrap().to_string();
+    let nested = refused(bag(&chunk(&chunk(&record(&[("op", &[2])], b"")))));
+    assert!(nested.contains("a chunk stands in a chunk; the file is damaged"), "{nested}");
+    let empty = refused(bag(&[chunk(b""), chunk(b"")].concat()));
+    assert!(empty.contains("found no numbers"), "{empty}");
+    let long = refused([b"#ROSBAG V2.0\n".as_slice(), &u32::MAX.to_le_bytes()].concat());
+    assert!(long.contains("a record is longer than 128 MiB"), "{long}");
+}
+
+/// A ZIP archive of deflated files; each is 1 MiB of zeros as often as is said, behind a head.
+fn archive(files: &[(&str, &[u8], usize)]) -> Vec<u8> {
+    let (mut bytes, mut directory) = (Vec::new(), Vec::new());
+    for (name, head, mebibytes) in files {
+        let mut encoder = flate2::write::DeflateEncoder::new(Vec::new(), flate2::Compression::fast());
+        encoder.write_all(head).unwrap();
+        for _ in 0..*mebibytes {
+            encoder.write_all(&vec![0; 1 << 20]).unwrap();
+        }
+        let packed = encoder.finish().unwrap();
+        let at = bytes.len() as u32;
+        let u16s = |values: &[u16]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<_>>();
+        let sizes = [&(packed.len() as u32).to_le_bytes()[..], &[0; 4]].concat();
+        let length = name.len() as u16;
+        let common = [&u16s(&[20, 0, 8, 0, 0]), &[0; 4][..], &sizes, &u16s(&[length, 0])].concat();
+        bytes.extend([b"PK\x03\x04", &common[..], name.as_bytes(), &packed].concat());
+        directory.extend(
+            [b"PK\x01\x02\x14\0", &common[..], &[0; 10], &at.to_le_bytes(), name.as_bytes()].concat(),
+        );
+    }
+    let [at, length] = [bytes.len() as u32, directory.len() as u32].map(u32::to_le_bytes);
+    let count = (files.len() as u16).to_le_bytes();
+    bytes.extend([&directory[..], b"PK\x05\x06\0\0\0\0", &count, &count, &length, &at, &[0; 2]].concat());
+    bytes
+}
+
+#[test]
+fn archives_that_unpack_to_more_than_is_read_are_refused() {
+    let head = |rows: usize| {
+        let header = format!("{{'descr': '|i1', 'fortran_order': False, 'shape': ({rows},), }}\n");
+        [b"\x93NUMPY\x01\0", &(header.len() as u16).to_le_bytes()[..], header.as_bytes()].concat()
+    };
+    let open = |bytes: Vec<u8>| table::open_bytes(Path::new("a.npz"), bytes);
+    let small = open(archive(&[("x.npy", &head(1 << 20), 1), ("notes.txt", b"", 0)])).unwrap();
+    assert_eq!(small.names(), ["x"]);
+    assert_eq!(small.read(&[0]).unwrap().rows(), 1 << 20);
+    // Numbers of a byte take eight in memory.
+    let wide = head(200 << 20);
+    let message = open(archive(&[("x.npy", &wide, 200)])).err().unwrap().to_string();
+    assert!(message.contains("found more than 1 GiB of arrays"), "{message}");
+    let message = open(archive(&[("xl/workbook.xml", b"<x/>", 0)])).err().unwrap().to_string();
+    assert!(message.contains("found a spreadsheet, which is not read; save its sheet as CSV"), "{message}");
+}
+
+#[test]
+fn dataflash_logs_have_a_topic_for_each_instance() {
+    let names = ["IMU_0.TimeUS", "IMU_0.GyrX", "IMU_1.GyrY", "ATT.Roll", "ATT.Pitch"];
+    let columns = read(&sample("imu.bin"), &names);
+    assert_eq!(columns.rows(), 400);
+    for row in 0..400 {
+        let [time_us, x, y, roll, pitch] = [0, 1, 2, 3, 4].map(|column| columns.values[column][row]);
+        assert_eq!(time_us, (1_000_000 + 5000 * row) as f64);
+        assert!((x - (row as f64 / 10.0).sin()).abs() < 1e-7);
+        assert_eq!(y, -(row as f64));
+        if row % 2 == 0 {
+            assert_eq!((roll, pitch), (row as f64 / 100.0, -(row as f64) / 100.0));
+        } else {
+            assert!(roll.is_nan() && pitch.is_nan());
+        }
+    }
+    // Text is no column, and bytes that are no message are passed over.
+    let table = table::open(&sample("imu.bin")).unwrap();
+    assert!(table.index("IMU_0.Tag").is_err());
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("damaged.bin");
+    let mut bytes = fs::read(sample("imu.bin")).unwrap();
+    bytes.splice(5000..5000, [1, 2, 3]);
+    bytes.truncate(bytes.len() - 4);
+    fs::write(&path, bytes).unwrap();
+    let columns = read(&path, &["IMU_0.TimeUS", "IMU_0.GyrX"]);
+    assert!((398..=400).contains(&columns.rows()), "{}", columns.rows());
+    assert!(columns.warnings.iter().any(|said| said.contains("are no messages")), "{:?}", columns.warnings);
+}
+
+#[test]
+fn arrays_of_numpy_are_columns() {
+    let sine: Vec<f64> = (0..40).map(|row| (f64::from(row) / 10.0).sin()).collect();
+    let counted: Vec<f64> = (0..40).map(f64::from).collect();
+    let fields = read(&sample("fields.npy"), &["when", "x", "y"]);
+    assert!(fields.values[1].iter().zip(&sine).all(|(a, b)| (a - b).abs() < 1e-15));
+    assert_eq!(fields.values[2], counted);
+    assert_eq!(fields.values[0][0], 1_700_000_000.123_456_8);
+    assert!((fields.values[0][39] - fields.values[0][0] - 0.195).abs() < 1e-6);
+    let arrays = read(&sample("arrays.npz"), &["t", "gyro[0]", "gyro[1]"]);
+    assert!((arrays.values[0][39] - 0.195).abs() < 1e-12);
+    assert!(arrays.values[1].iter().zip(&sine).all(|(a, b)| (a - b).abs() < 1e-15));
+    assert_eq!(arrays.values[2], counted);
+    let two = read(&sample("two.npz"), &["gyro[0]", "gyro[1]"]);
+    assert_eq!(two.values[0], counted);
+    assert_eq!(two.values[1][39], -39.0);
+    let table = table::open(&sample("arrays.npz")).unwrap();
+    assert!(table.all().unwrap_err().contains("\"short\" of 3"));
+    let [t, short] = ["t", "short"].map(|name| table.index(name).unwrap());
+    let error = table.read(&[t, short]).unwrap_err();
+    assert!(error.to_string().contains("short: found 3 rows; expected 40, as of \"t\""), "{error}");
+    assert_eq!(table::open(&sample("two.npz")).unwrap().all().unwrap().len(), 3);
+}
+
+#[test]
+fn damaged_logs_are_answered_with_a_message_or_read() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("damaged");
+    for name in ["imu.bag", "plain.bag", "imu.bin", "fields.npy", "arrays.npz"] {
+        let bytes = fs::read(sample(name)).unwrap();
+        for damage in 0..60_usize {
+            let mut damaged = bytes.clone();
+            let at = 13 + damage * damage * 37 % (bytes.len() - 13);
+            damaged[at] = damaged[at].wrapping_add(1 + (damage % 255) as u8);
+            fs::write(&path, &damaged).unwrap();
+            if let Ok(table) = table::open(&path)
+                && let Err(error) = table.read(&[0])
+            {
+                assert!(!error.to_string().contains('\n'), "{error}");
+            }
+        }
+    }
+}

@@ -1,0 +1,125 @@
+"""Small logs in formats of other people's tools, of the same readings: 400 rows at 200 Hz, x = sin(row / 10), y = row.
+
+    python make_logs.py DIRECTORY
+
+`imu.bag` is written by rosbags, in chunks compressed with LZ4, and `plain.bag`, its first 40 rows, without; `imu.bin`, an ArduPilot DataFlash log of two
+instances, is written here and read back by pymavlink, which has no writer. `fields.npy` is a structured array with a `datetime64`,
+`arrays.npz` two arrays, deflated, and `two.npz` the same, stored, with one of big-endian integers in Fortran's order. They stand in
+crates/schuler-recording/tests/samples. It needs numpy, lz4, rosbags (0.11.9) and pymavlink (2.4.50).
+"""
+
+import math
+import struct
+import sys
+from pathlib import Path
+
+import numpy as np
+from pymavlink import DFReader
+from rosbags.rosbag1 import Writer
+from rosbags.typesys import Stores, get_typestore
+
+ROWS = 400
+STEP_NS = 5_000_000
+START_NS = 1_700_000_000_123_456_789
+
+
+def readings(row):
+    """The two readings of a row."""
+    return math.sin(row / 10), float(row)
+
+
+def write_bag(path, compression, rows):
+    """A ROS 1 bag of sensor_msgs/Imu, stamped 2 ms before it is recorded."""
+    store = get_typestore(Stores.ROS1_NOETIC)
+    kinds = store.types
+    imu, header = kinds["sensor_msgs/msg/Imu"], kinds["std_msgs/msg/Header"]
+    time, vector = kinds["builtin_interfaces/msg/Time"], kinds["geometry_msgs/msg/Vector3"]
+    quaternion = kinds["geometry_msgs/msg/Quaternion"]
+    writer = Writer(path)
+    if compression is not None:
+        writer.set_compression(compression)
+    with writer:
+        connection = writer.add_connection("/imu", imu.__msgtype__, typestore=store)
+        for row in range(rows):
+            stamp = START_NS + STEP_NS * row
+            x, y = readings(row)
+            message = imu(
+                header=header(seq=row, stamp=time(sec=stamp // 10**9, nanosec=stamp % 10**9), frame_id="imu"),
+                orientation=quaternion(x=0.0, y=0.0, z=0.0, w=1.0),
+                orientation_covariance=np.zeros(9),
+                angular_velocity=vector(x=x, y=y, z=0.0),
+                angular_velocity_covariance=np.zeros(9),
+                linear_acceleration=vector(x=0.0, y=0.0, z=-9.8),
+                linear_acceleration_covariance=np.zeros(9),
+            )
+            writer.write(connection, stamp + 2_000_000, store.serialize_ros1(message, imu.__msgtype__))
+
+
+def text(value, size):
+    """Text padded with zeros."""
+    return value.encode().ljust(size, b"\0")
+
+
+def write_dataflash(path):
+    """IMU messages of two instances, and attitudes in hundredths of a degree at half the rate."""
+    kinds = {
+        128: ("FMT", "BBnNZ", "Type,Length,Name,Format,Columns", "<BB4s16s64s"),
+        129: ("IMU", "QBffn", "TimeUS,I,GyrX,GyrY,Tag", "<QBff4s"),
+        130: ("ATT", "Qcc", "TimeUS,Roll,Pitch", "<Qhh"),
+    }
+    with open(path, "wb") as log:
+        def write(kind, *values):
+            log.write(struct.pack("<BBB", 0xA3, 0x95, kind) + struct.pack(kinds[kind][3], *values))
+
+        for kind, (name, letters, labels, layout) in kinds.items():
+            size = 3 + struct.calcsize(layout)
+            write(128, kind, size, text(name, 4), text(letters, 16), text(labels, 64))
+        for row in range(ROWS):
+            x, y = readings(row)
+            time_us = 1_000_000 + 5000 * row
+            write(129, time_us, 0, x, y, b"A")
+            write(129, time_us + 100, 1, -x, -y, b"B")
+            if row % 2 == 0:
+                write(130, time_us + 200, row, -row)
+
+
+def check_dataflash(path):
+    """What pymavlink reads is what was written."""
+    log = DFReader.DFReader_binary(str(path))
+    found = []
+    while (message := log.recv_match(type=["IMU", "ATT"])) is not None:
+        found.append(message)
+    first = [message for message in found if message.get_type() == "IMU" and message.I == 0]
+    attitudes = [message for message in found if message.get_type() == "ATT"]
+    assert len(first) == ROWS and len(attitudes) == ROWS // 2, (len(first), len(attitudes))
+    for row, message in enumerate(first):
+        x, y = readings(row)
+        assert abs(message.GyrX - x) < 1e-7 and message.GyrY == y
+        assert message.TimeUS == 1_000_000 + 5000 * row
+    assert all(abs(message.Roll - 0.02 * row) < 1e-9 for row, message in enumerate(attitudes))
+
+
+def write_arrays(folder):
+    """The first 40 rows as arrays of NumPy."""
+    rows = np.arange(40)
+    x = np.sin(rows / 10)
+    fields = np.zeros(40, dtype=[("when", "M8[ns]"), ("x", "<f8"), ("y", "<i2"), ("note", "U3")])
+    fields["when"] = np.datetime64(START_NS, "ns") + STEP_NS * rows
+    fields["x"], fields["y"] = x, rows
+    np.save(folder / "fields.npy", fields)
+    np.savez_compressed(folder / "arrays.npz", t=rows * 0.005, gyro=np.stack([x, rows], axis=1), short=np.zeros(3))
+    np.savez(folder / "two.npz", t=rows * 0.005, gyro=np.asfortranarray(np.stack([rows, -rows], axis=1).astype(">i4")))
+
+
+def main():
+    folder = Path(sys.argv[1])
+    for name, compression, rows in [("imu.bag", Writer.CompressionFormat.LZ4, ROWS), ("plain.bag", None, 40)]:
+        (folder / name).unlink(missing_ok=True)
+        write_bag(folder / name, compression, rows)
+    write_dataflash(folder / "imu.bin")
+    check_dataflash(folder / "imu.bin")
+    write_arrays(folder)
+
+
+if __name__ == "__main__":
+    main()
