@@ -21,7 +21,11 @@ pub fn ln_gain(squares: f64, count: usize, config: &Config) -> f64 {
 
 /// What amplitudes outside of their plausible ranges cost: by the tail of a Cauchy distribution over decades, so that it
 /// is nats and never a veto.
-pub fn ln_plausibility(amplitudes: &[Amplitude], values: &[f64], config: &Config) -> f64 {
+pub fn ln_plausibility<'a>(
+    amplitudes: impl Iterator<Item = &'a Amplitude>,
+    values: &[f64],
+    config: &Config,
+) -> f64 {
     let of = |(amplitude, value): (&Amplitude, &f64)| {
         let Some([least, most]) = amplitude.plausible else { return 0.0 };
         let size = (value * amplitude.in_unit).abs();
@@ -34,7 +38,7 @@ pub fn ln_plausibility(amplitudes: &[Amplitude], values: &[f64], config: &Config
         };
         -(config.implausible_per_decade * decades).powi(2).ln_1p()
     };
-    amplitudes.iter().zip(values).map(of).sum()
+    amplitudes.zip(values).map(of).sum()
 }
 
 #[cfg(test)]

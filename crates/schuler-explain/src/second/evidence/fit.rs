@@ -23,10 +23,18 @@ use crate::second::problem::Problem;
 pub struct Placed {
     /// The candidate with its parameters.
     pub term: Term,
-    /// Its whitened columns.
+    /// Its whitened columns; those without parts are described by something else.
     pub regressors: Arc<Vec<Regressor>>,
     /// Mean of the evidence over the parameters in which it is not linear, less the largest, nats.
     pub ln_spread: f64,
+}
+
+impl Placed {
+    /// Places of the columns that nothing else describes.
+    fn kept(&self) -> impl Iterator<Item = usize> {
+        let kept = |(place, regressor): (usize, &Regressor)| (!regressor.parts.is_empty()).then_some(place);
+        self.regressors.iter().enumerate().filter_map(kept)
+    }
 }
 
 /// Another noise in a description.
@@ -221,31 +229,33 @@ impl Bench<'_> {
         let mut first = constants;
         let mut amplitude_at = constants;
         for placed in &description.placed {
-            let count = placed.regressors.len();
+            let own: Vec<usize> = placed.kept().collect();
             let values: Vec<f64> =
-                (amplitude_at..amplitude_at + count).map(|index| description.amplitudes[index]).collect();
-            amplitude_at += count;
+                own.iter().map(|place| description.amplitudes[amplitude_at + place]).collect();
+            amplitude_at += placed.regressors.len();
+            let count = own.len();
             let candidate = &problem.candidates[placed.term.candidate];
             sum += placed.ln_spread + problem.ln_prior[placed.term.candidate];
             if placed.term.unit_amplitude {
                 continue;
             }
-            let own = solved.normal.view((first, first), (count, count)).into_owned();
+            let products = solved.normal.view((first, first), (count, count)).into_owned();
             let with_constants = solved.normal.view((0, first), (constants, count)).into_owned();
             first += count;
             let information = match &constant_root {
                 Some(root) => {
                     let columns: Vec<DVector<f64>> =
                         with_constants.column_iter().map(|column| root.solve(&column.into_owned())).collect();
-                    own - with_constants.tr_mul(&DMatrix::from_columns(&columns))
+                    products - with_constants.tr_mul(&DMatrix::from_columns(&columns))
                 }
-                None => own,
+                None => products,
             };
             let amplitudes = DVector::from_column_slice(&values);
             let squares = (information.clone() * &amplitudes).dot(&amplitudes).max(0.0);
             sum += ln_prior(squares, count, config) + 0.5 * root_of(&information)?.ln_determinant();
             sum += 0.5 * count as f64 * (2.0 * std::f64::consts::PI).ln();
-            sum += ln_plausibility(&candidate.amplitudes, &values, config);
+            let of_own = own.iter().filter_map(|&place| candidate.amplitudes.get(place));
+            sum += ln_plausibility(of_own, &values, config);
         }
         sum += description.changes.iter().map(|change| problem.ln_prior[change.candidate]).sum::<f64>();
         Some(sum)

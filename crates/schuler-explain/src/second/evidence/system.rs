@@ -57,7 +57,8 @@ impl System<'_> {
     /// Amplitudes of what is described at their best.
     pub fn solve(&self, described: &Described<'_>) -> Option<Solved> {
         let all = &described.regressors;
-        let free: Vec<usize> = (0..all.len()).filter(|&index| !described.is_unit[index]).collect();
+        let is_free = |&index: &usize| !described.is_unit[index] && !all[index].parts.is_empty();
+        let free: Vec<usize> = (0..all.len()).filter(is_free).collect();
         let normal = DMatrix::from_fn(free.len(), free.len(), |i, j| {
             if j <= i { self.product(all[free[i]], all[free[j]]) } else { 0.0 }
         });

@@ -72,16 +72,14 @@ impl<'b> Beside<'b> {
         }
         let Some(amplitudes) = own.amplitudes() else { return f64::NEG_INFINITY };
         let squares = amplitudes.dot(&own.scores).max(0.0);
-        ln_gain(squares, regressors.len(), config)
-            + ln_plausibility(&candidate.amplitudes, amplitudes.as_slice(), config)
+        let of_kept = own.kept.iter().filter_map(|&place| candidate.amplitudes.get(place));
+        ln_gain(squares, own.kept.len(), config) + ln_plausibility(of_kept, amplitudes.as_slice(), config)
     }
 
-    /// Scores and information of regressors beside what is described; none where they cannot be told from it.
+    /// Scores and information of regressors beside what is described. Those that are described already are left out, as the reference
+    /// of a quantity where the sensor's constant is free; none where the first of them is.
     pub fn normal(&self, described: &Described<'_>, regressors: &[Regressor]) -> Option<Normal> {
         let (system, count, free) = (self.system(), regressors.len(), self.solved.free.len());
-        if count == 0 || regressors.iter().any(|regressor| regressor.parts.is_empty()) {
-            return None;
-        }
         let (mut scores, mut information) = (DVector::zeros(count), DMatrix::zeros(count, count));
         let mut with_free = DMatrix::zeros(free, count);
         for (i, regressor) in regressors.iter().enumerate() {
@@ -109,13 +107,23 @@ impl<'b> Beside<'b> {
             }
         }
         let least = self.bench.problem.config.least_information_left;
-        let is_left = |i: usize| information[(i, i)] > least * whole[i];
-        (0..count).all(is_left).then_some(Normal { scores, information })
+        let is_left = |&i: &usize| whole[i] > 0.0 && information[(i, i)] > least * whole[i];
+        let kept: Vec<usize> = (0..count).filter(is_left).collect();
+        if kept.first() != Some(&0) {
+            return None;
+        }
+        if kept.len() < count {
+            scores = scores.select_rows(&kept);
+            information = information.select_rows(&kept).select_columns(&kept);
+        }
+        Some(Normal { kept, scores, information })
     }
 }
 
 /// Scores and information of regressors beside what is described.
 pub struct Normal {
+    /// Places of the regressors that are not left out.
+    pub kept: Vec<usize>,
     /// Derivatives of the log-likelihood by the amplitudes at 0.
     pub scores: DVector<f64>,
     /// Its second derivatives, with the sign turned.

@@ -116,7 +116,11 @@ pub fn placed(beside: &Beside<'_>, offer: &Offer) -> Placed {
         (point, ln_spread) = refine.refined(&point, ln_spread);
     }
     let term = Term::new(offer.candidate, candidate, &point, problem.time_s());
-    let whitened = regressors(problem.model, &beside.bench.sums, &term.columns, term.port);
+    let mut whitened = regressors(problem.model, &beside.bench.sums, &term.columns, term.port);
+    if let Some(normal) = beside.normal(&beside.described(), &whitened) {
+        let left_out = |(place, _): &(usize, &mut Regressor)| !normal.kept.contains(place);
+        whitened.iter_mut().enumerate().filter(left_out).for_each(|(_, it)| *it = Regressor::default());
+    }
     Placed { term, regressors: Arc::new(whitened), ln_spread }
 }
 
@@ -205,13 +209,15 @@ impl Refine<'_> {
         point: &[f64],
         whitened: &[Regressor],
     ) -> Option<(Vec<f64>, f64)> {
-        let count = whitened.len();
-        let amplitudes: Vec<f64> = if self.is_unit {
-            vec![1.0; count]
+        let own = self.beside.normal(described, whitened)?;
+        let mut amplitudes = vec![0.0; whitened.len()];
+        if self.is_unit {
+            amplitudes.fill(1.0);
         } else {
-            self.beside.normal(described, whitened)?.amplitudes()?.iter().copied().collect()
-        };
-        let mut all: Vec<Regressor> = whitened.to_vec();
+            own.kept.iter().zip(own.amplitudes()?.iter()).for_each(|(&at, value)| amplitudes[at] = *value);
+        }
+        let count = own.kept.len();
+        let mut all: Vec<Regressor> = own.kept.iter().map(|&place| whitened[place].clone()).collect();
         for axis in 0..point.len() {
             let difference = DIFFERENCE * self.cell(axis, point[axis]);
             let at = |sign: f64| {
@@ -222,7 +228,7 @@ impl Refine<'_> {
             let slope = slope(&at(1.0), &at(-1.0), &amplitudes, 2.0 * difference);
             all.extend(self.whitened(&[slope]));
         }
-        let normal = self.beside.normal(described, &all)?;
+        let normal = self.beside.normal(described, &all).filter(|it| it.kept.len() == all.len())?;
         let (size, fixed) = (point.len(), if self.is_unit { count } else { 0 });
         // What is of amplitude 1 is taken out of the scores, and is not free.
         let mut scores = normal.scores.clone();
@@ -269,7 +275,11 @@ pub fn whitened_again(bench: &Bench<'_>, description: &Description) -> Descripti
     let mut again = description.clone();
     for placed in &mut again.placed {
         let whitened = regressors(bench.problem.model, &bench.sums, &placed.term.columns, placed.term.port);
-        placed.regressors = Arc::new(whitened);
+        let as_before = |(now, before): (Regressor, &Regressor)| {
+            if before.parts.is_empty() { Regressor::default() } else { now }
+        };
+        placed.regressors =
+            Arc::new(whitened.into_iter().zip(placed.regressors.iter()).map(as_before).collect());
     }
     again
 }
