@@ -763,7 +763,7 @@ impl Block {
     }
 
     /// The rows that have another white level.
-    fn rows_of_level(&self, rows: RowsOfLevel) -> Arc<[bool]> {
+    pub fn rows_of_level(&self, rows: RowsOfLevel) -> Arc<[bool]> {
         match rows {
             RowsOfLevel::From(first) => (0..self.rows()).map(|row| row >= first).collect(),
             RowsOfLevel::Above { quantity, value } => match self.loudness.get(quantity) {

@@ -21,6 +21,12 @@ pub struct Config {
     pub implausible_per_decade: f64,
     /// Part of its information that a signature must have left beside what is described.
     pub least_information_left: f64,
+    /// Nats that a move must promise before prior odds to be fitted in full. Lower ones are fitted more and told as seldom.
+    pub least_promised: f64,
+    /// Levels of white noise in part of the rows, at most.
+    pub most_levels: usize,
+    /// Innovation, in standard deviations, beyond which one counts as that much where levels are sought.
+    pub largest_innovation: f64,
     /// Candidates of each kind of move that are fitted in full.
     pub fitted_moves: usize,
     /// Descriptions that are kept.
@@ -62,6 +68,9 @@ impl Default for Config {
             unit_information: 200.0,
             implausible_per_decade: 1.0,
             least_information_left: 1e-6,
+            least_promised: -2.0,
+            most_levels: 3,
+            largest_innovation: 4.0,
             fitted_moves: 8,
             beam: 20,
             expanded: 3,

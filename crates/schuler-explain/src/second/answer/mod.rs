@@ -29,8 +29,9 @@ use crate::second::noise::fit::SourceKnob;
 use crate::second::noise::weights::Covariances;
 use crate::second::problem::{Problem, candidates, within_delays};
 use crate::second::search::beam::{Beam, search};
+use crate::second::search::levels::{levels, with_level};
 use crate::second::search::library::{Shelf, library, whitened_again};
-use crate::second::search::moves::nothing;
+use crate::second::search::moves::{nothing, structure, take_back};
 use crate::state::{Case, State};
 use crate::watch::{Phase, Unwatched, Watch};
 
@@ -99,28 +100,62 @@ struct Searched<'s> {
     beam: Beam,
 }
 
-/// The search, again with the record whitened by what was found where that is far from what it was whitened by.
+/// The search, again with the record whitened by what was found where that is far from what it was whitened by, and where the
+/// innovations have another level in part of the rows.
 fn searched<'b>(problem: &'b Problem<'b>, nuisances: &[SourceKnob]) -> Result<Searched<'b>, Error> {
     let singular = || Error::NothingToCompare("no description of the record can be computed".to_owned());
     let noises = problem.model.nominal_noises();
-    let mut now = bench(problem, &noises);
-    let mut shelves = library(problem, &now.sums);
-    let start = nothing(&now, &noises, nuisances).ok_or_else(singular)?;
-    let mut beam = search(&now, &shelves, start);
+    let first = bench(problem, &noises);
+    let start = nothing(&first, &noises, nuisances).ok_or_else(singular)?;
+    let mut now = Searched::new(first, start);
     for _ in 1..PASSES {
-        let best = &beam.descriptions[0];
-        if !is_far(&now, best) {
+        let best = &now.beam.descriptions[0];
+        if !is_far(&now.bench, best) {
             break;
         }
         let again = bench(problem, &best.noises);
         let start = whitened_again(&again, best);
         let blocks: Vec<usize> = (0..again.sums.len()).filter(|&it| again.sums[it].is_some()).collect();
         let Some(start) = again.fitted(&start, &blocks) else { break };
-        shelves = library(problem, &again.sums);
-        beam = search(&again, &shelves, start);
-        now = again;
+        now = Searched::new(again, start);
     }
-    Ok(Searched { bench: now, library: shelves, beam })
+    for _ in 0..problem.config.most_levels {
+        let Some(leveled) = now.with_level() else { break };
+        now = leveled;
+    }
+    Ok(now)
+}
+
+impl<'s> Searched<'s> {
+    fn new(bench: Bench<'s>, start: Description) -> Self {
+        let library = library(bench.problem, &bench.sums);
+        let beam = search(&bench, &library, start);
+        Self { bench, library, beam }
+    }
+
+    /// The search with the level that the best description promises, if that is better; the record without it is an alternative.
+    fn with_level(&self) -> Option<Self> {
+        let problem = self.bench.problem;
+        let best = &self.beam.descriptions[0];
+        let level = levels(&self.bench, best).into_iter().next().filter(|level| level.ln_gain > 0.0)?;
+        let (bench, start) = with_level(best, &level, &|noises| bench(problem, noises))?;
+        let mut leveled = Self::new(bench, start);
+        let found = &leveled.beam.descriptions[0];
+        if found.ln_evidence <= best.ln_evidence {
+            return None;
+        }
+        let mut rest = found.clone();
+        let place = rest.changes.iter().position(|change| *change == level.change)?;
+        let change = rest.changes.remove(place);
+        take_back(&leveled.bench, &mut rest, &change);
+        let blocks: Vec<usize> =
+            (0..self.bench.sums.len()).filter(|&it| self.bench.sums[it].is_some()).collect();
+        let rest = self.bench.fitted(&whitened_again(&self.bench, &rest), &blocks);
+        let without = self.beam.descriptions.iter().chain(rest.as_ref());
+        leveled.beam.others.extend(self.beam.others.iter().cloned());
+        leveled.beam.others.extend(without.map(|it| (structure(it), it.ln_evidence)));
+        Some(leveled)
+    }
 }
 
 /// Whether the noise of a description is far from what the record was whitened by.

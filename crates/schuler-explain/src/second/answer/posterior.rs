@@ -26,7 +26,9 @@ pub fn posterior(bench: &Bench<'_>, library: &[Shelf], beam: &Beam) -> Vec<Poste
     let problem = bench.problem;
     let Some(best) = beam.descriptions.first() else { return Vec::new() };
     let own = structure(best);
-    let scored: Vec<_> = beam.descriptions.iter().map(|it| (structure(it), it.ln_evidence)).collect();
+    let scored: Vec<_> = (beam.descriptions.iter().map(|it| (structure(it), it.ln_evidence)))
+        .chain(beam.others.iter().cloned())
+        .collect();
     let of = |item: Item| {
         let (rest, candidate) = rest_of(best, item);
         let mut absent: Vec<f64> = Vec::new();

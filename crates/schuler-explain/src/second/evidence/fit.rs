@@ -11,7 +11,7 @@ use super::regressor::Regressor;
 use super::system::{Described, Solved, System, root_of};
 use crate::catalogue::NoiseChange;
 use crate::description::Term;
-use crate::noise::Noise;
+use crate::noise::{Knob, Noise};
 use crate::second::bands::sums::Sums;
 use crate::second::noise::fit::{Observed, SourceKnob, occam};
 use crate::second::noise::trust::ln_mean;
@@ -47,7 +47,16 @@ pub struct Change {
     /// What changes.
     pub change: NoiseChange,
     /// Its parameters.
-    pub knobs: Vec<crate::noise::Knob>,
+    pub knobs: Vec<Knob>,
+    /// What those cost that the sums do not fit: where a level begins and its ratio.
+    pub ln_cost: f64,
+}
+
+impl Change {
+    /// Whether it is a white level in part of the rows, by which the record is whitened.
+    pub fn is_level(&self) -> bool {
+        self.knobs.contains(&Knob::StepRatio)
+    }
 }
 
 /// What is known of a block under a description.
@@ -114,6 +123,7 @@ impl Description {
     /// The free noise parameters of a block.
     pub fn free_in(&self, problem: &Problem<'_>, block: usize) -> Vec<SourceKnob> {
         let changed = self.changes.iter().flat_map(|it| it.knobs.iter().map(|&knob| (it.source, knob)));
+        let changed = changed.filter(|(_, knob)| *knob != Knob::StepRatio);
         let mut free: Vec<SourceKnob> = Vec::new();
         for knob in self.nuisances.iter().copied().chain(changed) {
             if problem.model.blocks[block].sources.contains(&knob.0) && !free.contains(&knob) {
@@ -257,7 +267,8 @@ impl Bench<'_> {
             let of_own = own.iter().filter_map(|&place| candidate.amplitudes.get(place));
             sum += ln_plausibility(of_own, &values, config);
         }
-        sum += description.changes.iter().map(|change| problem.ln_prior[change.candidate]).sum::<f64>();
+        let of_changes = description.changes.iter();
+        sum += of_changes.map(|it| problem.ln_prior[it.candidate] + it.ln_cost).sum::<f64>();
         Some(sum)
     }
 }

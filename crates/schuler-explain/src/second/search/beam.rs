@@ -12,11 +12,14 @@ use crate::second::evidence::fit::{Bench, Description};
 pub struct Beam {
     /// The descriptions.
     pub descriptions: Vec<Description>,
+    /// Structure and evidence of descriptions of the record whitened otherwise.
+    pub others: Vec<(Structure, f64)>,
     /// Number of descriptions whose neighbours were sought.
     pub expanded: usize,
 }
 
-type Structure = Vec<(usize, Vec<String>)>;
+/// What makes descriptions the same but for the values of their parameters.
+pub type Structure = Vec<(usize, Vec<String>)>;
 
 /// Searches from a description on: of the best that are not expanded yet the neighbours are fitted, those with an item more, less, or
 /// another in its place, until none of the best is left.
@@ -27,7 +30,8 @@ pub fn search(bench: &Bench<'_>, library: &[Shelf], start: Description) -> Beam 
         kept.expand(bench, library);
     }
     let expanded = kept.expanded.len();
-    Beam { descriptions: kept.known.into_iter().map(|(_, description)| description).collect(), expanded }
+    let descriptions = kept.known.into_iter().map(|(_, description)| description).collect();
+    Beam { descriptions, others: Vec::new(), expanded }
 }
 
 /// The descriptions that are known, one of each structure.

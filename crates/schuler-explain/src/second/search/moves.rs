@@ -37,6 +37,10 @@ pub fn without(bench: &Bench<'_>, description: &Description, item: Item) -> Opti
         Item::Placed(place) => touched_by(&less.placed.remove(place)),
         Item::Change(place) => {
             let change = less.changes.remove(place);
+            // The record is whitened by a level, so that it stays.
+            if change.is_level() {
+                return None;
+            }
             take_back(bench, &mut less, &change);
             bench.problem.model.block_of_source(change.source).into_iter().collect()
         }
@@ -45,7 +49,7 @@ pub fn without(bench: &Bench<'_>, description: &Description, item: Item) -> Opti
 }
 
 /// Takes the parts of a change out of the noises; what the case states comes back.
-fn take_back(bench: &Bench<'_>, description: &mut Description, change: &Change) {
+pub fn take_back(bench: &Bench<'_>, description: &mut Description, change: &Change) {
     let source = &bench.problem.model.sources[change.source];
     let mut noise = source.nominal.clone();
     let stays = description.changes.iter().filter(|other| other.source == change.source);
@@ -114,6 +118,8 @@ pub fn with_one_more(bench: &Bench<'_>, library: &[Shelf], description: &Descrip
     let is_grid =
         |offer: &Offer| matches!(bench.problem.candidates[offer.candidate].search, Search::Grid { .. });
     let best = |mut offers: Vec<Offer>| {
+        let least = config.least_promised;
+        offers.retain(|offer| offer.ln_gain - bench.problem.ln_prior[offer.candidate] > least);
         offers.sort_by(|a, b| b.ln_gain.total_cmp(&a.ln_gain).then(a.candidate.cmp(&b.candidate)));
         offers.truncate(config.fitted_moves);
         offers
@@ -197,10 +203,15 @@ fn with_other_noise(bench: &Bench<'_>, description: &Description) -> Vec<Descrip
                 let fitted = observed.fit(&noises, &free, 0.1)?;
                 let cost = occam(&fitted.sigmas, &free, block, sums.rows(), problem.config);
                 let gain = fitted.log_likelihood + cost + problem.ln_prior[candidate];
-                Some((gain, Change { candidate, source, change, knobs }, fitted.noises, index))
+                Some((gain, Change { candidate, source, change, knobs, ln_cost: 0.0 }, fitted.noises, index))
             });
             promised.extend(fitted.max_by(|a, b| a.0.total_cmp(&b.0)));
         }
+        let here = observed.log_likelihood(&description.noises);
+        let promises = |(gain, change, ..): &(f64, Change, Vec<Noise>, usize)| {
+            gain - here - problem.ln_prior[change.candidate] > problem.config.least_promised
+        };
+        promised.retain(promises);
         promised.sort_by(|a, b| b.0.total_cmp(&a.0));
         promised.truncate(problem.config.fitted_moves);
         promised

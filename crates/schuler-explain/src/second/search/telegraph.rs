@@ -6,27 +6,21 @@ use crate::second::evidence::fit::{Bench, Description, Placed};
 use crate::second::evidence::regressor::regressors;
 use crate::state::{self, Case};
 
-/// The descriptions that have a telegraph beside what is described, fitted. The evidence is that of the telegraph's marginal likelihood
-/// over all histories: one history that is given would gain more.
+/// The descriptions that have a telegraph beside what is described, fitted.
 pub fn with_telegraph(bench: &Bench<'_>, description: &Description) -> Vec<Description> {
     let problem = bench.problem;
     let case = Case::new(problem.model, &problem.candidates, problem.time_s(), problem.watch);
     let terms: Vec<_> = description.placed.iter().map(|placed| placed.term.clone()).collect();
     let rows = state::Bench::new(&case, &terms, &description.noises);
     let with = |found: crate::search::Proposal| {
-        let (term, evidence) = (found.term, found.evidence);
-        let candidate = term.candidate;
+        // A history that is given gains more than all histories together; it costs the difference under whatever noise.
+        let ln_spread = (found.evidence - found.gain).min(0.0);
+        let term = found.term;
         let whitened = regressors(problem.model, &bench.sums, &term.columns, term.port);
         let touched: Vec<usize> = whitened.iter().flat_map(|it| &it.parts).map(|part| part.block).collect();
         let mut more = description.clone();
-        more.placed.push(Placed { term, regressors: Arc::new(whitened), ln_spread: 0.0 });
-        let mut fitted = bench.fitted(&more, &touched)?;
-        let ln_evidence = description.ln_evidence + evidence + problem.ln_prior[candidate];
-        if let Some(placed) = fitted.placed.last_mut() {
-            placed.ln_spread = (ln_evidence - fitted.ln_evidence).min(0.0);
-            fitted.ln_evidence += placed.ln_spread;
-        }
-        Some(fitted)
+        more.placed.push(Placed { term, regressors: Arc::new(whitened), ln_spread });
+        bench.fitted(&more, &touched)
     };
     jumps(&rows, &|_| true).into_iter().filter_map(with).collect()
 }
