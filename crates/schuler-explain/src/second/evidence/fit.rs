@@ -232,6 +232,7 @@ impl Bench<'_> {
         let (problem, config) = (self.problem, self.problem.config);
         let mut sum: f64 =
             (description.blocks.iter().flatten()).map(|fit| fit.log_likelihood + fit.occam).sum();
+        sum -= self.sums.iter().flatten().map(|sums| sums.half_log_determinant).sum::<f64>();
         sum -= 0.5 * solved.root.ln_determinant();
         let constants = self.constants.len();
         let of_constants = solved.normal.view((0, 0), (constants, constants)).into_owned();

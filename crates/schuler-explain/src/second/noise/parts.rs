@@ -4,6 +4,9 @@ use schuler_recording::case::{ExponentialCosine, Markov};
 use crate::catalogue::NoiseChange;
 use crate::noise::{Flicker, Knob, Noise};
 
+/// Shortest correlation times of flicker, in steps, that are tried: what it is made of ends somewhere.
+const SHORTEST_FLICKER_STEPS: [f64; 2] = [2.0, 6.0];
+
 /// A noise with other or more parameters.
 #[derive(Clone, Debug)]
 pub struct Start {
@@ -59,12 +62,14 @@ pub fn starts(noise: &Noise, change: NoiseChange, spread: f64, step_s: f64, dura
             vec![with(&[Knob::RandomWalk], &|noise| noise.random_walk = coefficient)]
         }
         NoiseChange::Flicker => {
-            let flicker = if noise.flicker.sigma > 0.0 {
-                noise.flicker
-            } else {
-                Flicker { sigma: 0.1 * spread, tau_s: [2.0 * step_s, duration_s] }
+            if noise.flicker.sigma > 0.0 {
+                return vec![with(&[Knob::Flicker], &|_| ())];
+            }
+            let of = |steps: f64| {
+                let flicker = Flicker { sigma: 0.1 * spread, tau_s: [steps * step_s, duration_s] };
+                with(&[Knob::Flicker], &|noise| noise.flicker = flicker)
             };
-            vec![with(&[Knob::Flicker], &|noise| noise.flicker = flicker)]
+            SHORTEST_FLICKER_STEPS.into_iter().map(of).collect()
         }
         NoiseChange::AngleQuantisation => {
             let sigma = if noise.angle > 0.0 { noise.angle } else { 0.3 * spread };

@@ -23,6 +23,8 @@ const HALVED: usize = 3;
 const REFINED_TO: f64 = 0.05;
 /// Part of a cell of the grid to which a parameter is sought where steps lead nowhere.
 const SOUGHT_TO: f64 = 0.02;
+/// How often the distance to where the gain has fallen is halved.
+const HALVED_TO_THE_SIDE: usize = 8;
 /// Difference over which a signature is differentiated, of the distance of two points of the grid.
 const DIFFERENCE: f64 = 1e-2;
 
@@ -111,6 +113,9 @@ pub fn placed(beside: &Beside<'_>, offer: &Offer) -> Placed {
     let problem = beside.bench.problem;
     let candidate = &problem.candidates[offer.candidate];
     let (mut point, mut ln_spread) = (offer.point.clone(), offer.ln_spread);
+    if let (Search::Frequency, [frequency]) = (&candidate.search, offer.point.as_slice()) {
+        point = vec![refined_frequency(beside, candidate, *frequency)];
+    }
     if let Search::Grid { parameters, unit_amplitude, .. } = &candidate.search {
         let refine = Refine { beside, candidate, is_unit: *unit_amplitude, parameters };
         (point, ln_spread) = refine.refined(&point, ln_spread);
@@ -122,6 +127,20 @@ pub fn placed(beside: &Beside<'_>, offer: &Offer) -> Placed {
         whitened.iter_mut().enumerate().filter(left_out).for_each(|(_, it)| *it = Regressor::default());
     }
     Placed { term, regressors: Arc::new(whitened), ln_spread }
+}
+
+/// The frequency of a line sought beyond the raster of the scan, which is that of the record's length.
+fn refined_frequency(beside: &Beside<'_>, candidate: &Candidate, frequency_hz: f64) -> f64 {
+    let (bench, described) = (beside.bench, beside.described());
+    let time_s = bench.problem.time_s();
+    let length_s = time_s.last().copied().unwrap_or_default() - time_s.first().copied().unwrap_or_default();
+    let cost = |frequency: f64| {
+        let columns = columns(candidate, &[frequency], time_s);
+        let whitened = regressors(bench.problem.model, &bench.sums, &columns, candidate.port);
+        -beside.ln_gain(&described, &whitened, candidate, false)
+    };
+    let half = 0.5 / length_s;
+    golden(frequency_hz - half, frequency_hz + half, SOUGHT_TO * half, cost).0
 }
 
 /// Parameters of a grid refined by Gauss–Newton steps.
@@ -142,12 +161,18 @@ impl Refine<'_> {
         regressors(bench.problem.model, &bench.sums, columns, self.candidate.port)
     }
 
-    /// Half of the distance of the neighbours on the grid.
-    fn cell(&self, axis: usize, value: f64) -> f64 {
+    /// The neighbours of a value on the grid.
+    fn neighbours(&self, axis: usize, value: f64) -> [f64; 2] {
         let grid = &self.parameters[axis].grid;
-        let at = grid.partition_point(|known| *known < value);
-        let (low, high) = (at.saturating_sub(1), (at + 1).min(grid.len() - 1));
-        (grid[high] - grid[low]) / (high - low).max(1) as f64
+        let (below, above) =
+            (grid.partition_point(|known| *known < value), grid.partition_point(|known| *known <= value));
+        [grid[below.saturating_sub(1)], grid[above.min(grid.len() - 1)]]
+    }
+
+    /// Half of their distance.
+    fn cell(&self, axis: usize, value: f64) -> f64 {
+        let [low, high] = self.neighbours(axis, value);
+        0.5 * (high - low)
     }
 
     /// Where steps lead from a point, and the mean of the evidence over the parameters there less the best, by Laplace's
@@ -185,21 +210,33 @@ impl Refine<'_> {
                 break;
             }
         }
-        if let ([_], true) = (here.as_slice(), reached <= first) {
-            (here, reached) = self.sought(&here, reached, &gain);
-            ln_width = f64::NEG_INFINITY;
+        if let ([value], true) = (here.as_slice(), reached <= first) {
+            let (value, ln_width) = self.sought(*value, reached, &gain);
+            return (vec![value], ln_width.min(0.0));
         }
         let spread = (of_grid - (reached - first)).max(ln_width.min(0.0));
         (here, if spread.is_finite() { spread.min(0.0) } else { of_grid })
     }
 
     /// The one parameter sought between its neighbours on the grid, where steps lead nowhere: a threshold changes what it adds from
-    /// row to row.
-    fn sought(&self, here: &[f64], reached: f64, gain: &dyn Fn(&[Regressor]) -> f64) -> (Vec<f64>, f64) {
-        let cell = self.cell(0, here[0]);
-        let cost = |value: f64| -gain(&self.whitened(&self.columns(&[value])));
-        let (value, cost) = golden(here[0] - cell, here[0] + cell, SOUGHT_TO * cell, cost);
-        if -cost > reached { (vec![value], -cost) } else { (here.to_vec(), reached) }
+    /// row to row. With the logarithm of the part of its range where the gain is no more than a nat less.
+    fn sought(&self, here: f64, reached: f64, gain: &dyn Fn(&[Regressor]) -> f64) -> (f64, f64) {
+        let [low, high] = self.neighbours(0, here);
+        let cell = 0.5 * (high - low);
+        let at = |value: f64| gain(&self.whitened(&self.columns(&[value])));
+        let (there, cost) = golden(low, high, SOUGHT_TO * cell, |value| -at(value));
+        let (best, most) = if -cost > reached { (there, -cost) } else { (here, reached) };
+        let side = |end: f64| {
+            let (mut inside, mut outside) = (0.0, 1.0);
+            for _ in 0..HALVED_TO_THE_SIDE {
+                let part = 0.5 * (inside + outside);
+                let falls = at(best + part * (end - best)) < most - 1.0;
+                *(if falls { &mut outside } else { &mut inside }) = part;
+            }
+            0.5 * (inside + outside) * (end - best).abs()
+        };
+        let range = cell * self.parameters[0].grid.len() as f64;
+        (best, ((side(low) + side(high)) / range).ln())
     }
 
     /// A Gauss–Newton step of the parameters, and the logarithm of the part of the grid that they are left with.
