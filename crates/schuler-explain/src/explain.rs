@@ -22,6 +22,7 @@ use crate::explanation::{
 };
 use crate::hold_out::hold_out;
 use crate::inputs::Inputs;
+use crate::inputs::held::without_held_reference;
 use crate::instead::PairInstead;
 use crate::locate;
 use crate::minimise::golden;
@@ -113,7 +114,7 @@ pub enum Error {
 /// What in the recording or the case leaves nothing to explain.
 pub fn explain(recording: &Recording, options: &Options) -> Result<Explanation, Error> {
     long_enough(recording)?;
-    let recording = against_constants(recording);
+    let recording = as_explained(recording);
     let inputs = Inputs::new(&recording);
     explain_with(&inputs, candidates(&inputs), options)
 }
@@ -130,6 +131,11 @@ pub fn explain_with(
     explained(inputs, candidates, options, &Unwatched, |_, _, _| ()).map(|(explanation, ())| explanation)
 }
 
+/// The recording as it is explained.
+pub(crate) fn as_explained(recording: &Recording) -> Cow<'_, Recording> {
+    without_held_reference(against_constants(recording))
+}
+
 /// As [`explain`], with the arrays that show it, and watched: it tells how far it has come, and ends with
 /// [`Error::Cancelled`] when it is told to.
 ///
@@ -142,7 +148,7 @@ pub fn explain_watched(
 ) -> Result<(Explanation, CaseArrays), Error> {
     long_enough(recording)?;
     watch.progress(Phase::Prepare, 0.0);
-    let recording = against_constants(recording);
+    let recording = as_explained(recording);
     let inputs = Inputs::new(&recording);
     unless_cancelled(watch)?;
     watch.progress(Phase::Prepare, 0.3);
@@ -155,7 +161,7 @@ pub fn explain_watched(
 
 /// The recording, in which the sensors of a body at rest whose input the case does not tell, for want of its attitude, say, are read against an
 /// unknown constant: whatever that input is, it is one.
-pub(crate) fn against_constants(recording: &Recording) -> Cow<'_, Recording> {
+fn against_constants(recording: &Recording) -> Cow<'_, Recording> {
     // Of a body that moves a prediction is the work of the model, and not made twice.
     if recording.case.motion.kind != MotionKind::Static {
         return Cow::Borrowed(recording);

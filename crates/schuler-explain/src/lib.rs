@@ -81,6 +81,7 @@ pub mod select;
 pub mod sentence;
 pub mod smooth;
 pub mod spectrum;
+mod spline;
 pub mod state;
 pub mod statistics;
 pub mod steady;

@@ -5,6 +5,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::experiment::{CalibrationError, FeatureSet, invalid};
+use crate::spline::{Knot, Spline};
 
 /// Temperature at the sensors at one instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -34,13 +35,6 @@ pub enum Thermometry {
         /// Gradient at each whole second of the cycle, degC/m; empty without.
         gradient: Vec<[f64; 3]>,
     },
-}
-
-/// An instant at which the temperature was known: s from the start of the cycle, degC.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Update {
-    pub(super) time: f64,
-    pub(super) temperature: f64,
 }
 
 /// Crossings of one threshold this close, s, are one.
@@ -123,7 +117,7 @@ impl Thermometry {
 
 /// Instants of level changes of `readings` (one a second from `first` on), chatter merged, at least a knot's spacing apart;
 /// the readings at both ends are added where no update is near.
-pub(super) fn updates(readings: &[f64], quantum: f64, first: f64) -> Vec<Update> {
+pub(super) fn updates(readings: &[f64], quantum: f64, first: f64) -> Vec<Knot> {
     let valid: Vec<(f64, f64)> = readings
         .iter()
         .enumerate()
@@ -135,7 +129,7 @@ pub(super) fn updates(readings: &[f64], quantum: f64, first: f64) -> Vec<Update>
         let (a, b, c) = (valid[k.saturating_sub(1)].1, valid[k].1, valid[(k + 1).min(valid.len() - 1)].1);
         a.max(b).min(a.min(b).max(c))
     };
-    let mut found: Vec<Update> = Vec::new();
+    let mut found: Vec<Knot> = Vec::new();
     // Of the newest update: last crossing, whether the reading is back on the side it came from.
     let (mut last, mut back) = (f64::NEG_INFINITY, false);
     for k in 1..valid.len() {
@@ -146,23 +140,21 @@ pub(super) fn updates(readings: &[f64], quantum: f64, first: f64) -> Vec<Update>
         let time = 0.5 * (valid[k - 1].0 + valid[k].0);
         let threshold = to - (to - from).signum() * 0.5 * quantum;
         match found.last_mut() {
-            Some(newest)
-                if (newest.temperature - threshold).abs() < 0.25 * quantum && time - last <= CHATTER =>
-            {
+            Some(newest) if (newest.value - threshold).abs() < 0.25 * quantum && time - last <= CHATTER => {
                 // The single crossing that spends as long on the old side.
                 newest.time += if back { time - last } else { 0.0 };
                 back = !back;
             }
             _ => {
-                found.push(Update { time, temperature: threshold });
+                found.push(Knot { time, value: threshold });
                 back = false;
             }
         }
         last = time;
     }
 
-    let mut kept: Vec<Update> = Vec::new();
-    let ends = [0, valid.len() - 1].map(|k| Update { time: valid[k].0, temperature: level(k) });
+    let mut kept: Vec<Knot> = Vec::new();
+    let ends = [0, valid.len() - 1].map(|k| Knot { time: valid[k].0, value: level(k) });
     if found.first().is_none_or(|u| u.time - ends[0].time > CHATTER) {
         kept.push(ends[0]);
     }
@@ -177,56 +169,6 @@ pub(super) fn updates(readings: &[f64], quantum: f64, first: f64) -> Vec<Update>
     kept
 }
 
-/// Natural cubic spline.
-#[derive(Clone, Debug)]
-pub(super) struct Spline {
-    knots: Vec<Update>,
-    /// Second derivative at each knot, degC/s².
-    bend: Vec<f64>,
-}
-
-impl Spline {
-    /// Through at least one knot, times increasing.
-    pub(super) fn through(knots: &[Update]) -> Self {
-        let n = knots.len();
-        let mut bend = vec![0.0; n];
-        // Tridiagonal system for the inner second derivatives: forward sweep, back substitution.
-        let mut sweep = vec![(0.0, 0.0); n];
-        for k in 1..n.saturating_sub(1) {
-            let (before, after) = (knots[k].time - knots[k - 1].time, knots[k + 1].time - knots[k].time);
-            let slope = |i: usize| {
-                (knots[i + 1].temperature - knots[i].temperature) / (knots[i + 1].time - knots[i].time)
-            };
-            let pivot = 2.0 * (before + after) - before * sweep[k - 1].0;
-            sweep[k] = (after / pivot, (6.0 * (slope(k) - slope(k - 1)) - before * sweep[k - 1].1) / pivot);
-        }
-        for k in (1..n.saturating_sub(1)).rev() {
-            bend[k] = sweep[k].1 - sweep[k].0 * bend[k + 1];
-        }
-        Self { knots: knots.to_vec(), bend }
-    }
-
-    /// Temperature, degC, and rate, degC/s; straight beyond the ends.
-    pub(super) fn at(&self, time: f64) -> (f64, f64) {
-        let last = self.knots.len() - 1;
-        if last == 0 {
-            return (self.knots[0].temperature, 0.0);
-        }
-        let k = self.knots.partition_point(|u| u.time <= time).clamp(1, last) - 1;
-        let (a, b) = (self.knots[k], self.knots[k + 1]);
-        let h = b.time - a.time;
-        let inside = time.clamp(self.knots[0].time, self.knots[last].time);
-        let (u, v) = ((b.time - inside) / h, (inside - a.time) / h);
-        let (ma, mb) = (self.bend[k], self.bend[k + 1]);
-        let value = u * a.temperature
-            + v * b.temperature
-            + h * h / 6.0 * ((u * u * u - u) * ma + (v * v * v - v) * mb);
-        let rate = (b.temperature - a.temperature) / h
-            + h / 6.0 * ((3.0 * v * v - 1.0) * mb - (3.0 * u * u - 1.0) * ma);
-        (value + rate * (time - inside), rate)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -234,10 +176,8 @@ mod tests {
     #[test]
     fn spline_follows_a_smooth_course_and_its_rate() {
         let course = |t: f64| 20.0 + 5.0 * (t / 300.0).sin();
-        let knots: Vec<Update> = (0..=40)
-            .map(|k| f64::from(k) * 47.0)
-            .map(|time| Update { time, temperature: course(time) })
-            .collect();
+        let knots: Vec<Knot> =
+            (0..=40).map(|k| f64::from(k) * 47.0).map(|time| Knot { time, value: course(time) }).collect();
         let spline = Spline::through(&knots);
         for k in 200..1600 {
             let t = f64::from(k);
@@ -267,11 +207,11 @@ mod tests {
         let threshold = |k: usize| 20.25 + 0.5 * k as f64;
         assert_eq!(found.len(), 17, "{found:?}");
         for (k, update) in found[..16].iter().enumerate() {
-            assert_eq!(update.temperature, threshold(k));
+            assert_eq!(update.value, threshold(k));
             let expected = (threshold(k) - 20.1) / 0.002;
             assert!((update.time - expected).abs() <= 2.5, "{update:?}, expected {expected}");
         }
         // The end of the record is held by its reading.
-        assert_eq!(found[16], Update { time: 3999.0, temperature: 28.0 });
+        assert_eq!(found[16], Knot { time: 3999.0, value: 28.0 });
     }
 }

@@ -12,6 +12,7 @@
 //! | `gravity`, `tide` | anomaly of gravity, tide of the solid Earth |
 //! | `failures` | stuck, clipped, coarse or jumping readings |
 //! | `noise` | another random part |
+//! | `setup` | what is simply wrong in a case, and the noise of its reference |
 //! | `unnamed` | what is in no catalogue, as a rival of all that is |
 mod additive;
 mod draft;
@@ -24,6 +25,7 @@ mod input;
 mod instrument;
 mod noise;
 mod rotation;
+mod setup;
 mod thermal;
 mod tide;
 mod unnamed;
@@ -82,6 +84,15 @@ impl Effect {
 
 /// What is in no catalogue.
 pub const UNNAMED: &Effect = &unnamed::UNNAMED;
+
+/// What is no error of a sensor: what is simply wrong in a case, and the noise of its reference.
+pub const SETUP: &[&Effect] = &[
+    &setup::SIGN_FLIPPED,
+    &setup::AXES_SWAPPED,
+    &setup::UNIT_MISTAKEN,
+    &setup::GRAVITY_REMOVED,
+    &setup::REFERENCE_NOISE,
+];
 
 /// Every effect known.
 pub const CATALOGUE: &[Effect] = &[

@@ -3,6 +3,7 @@
 //! | module | gives |
 //! | --- | --- |
 //! | [`series`] | shared series, and what is done to them: bridging, lag, delay, derivative, play |
+//! | [`held`] | a reference that is held between its readings |
 //! | [`smoother`] | a quantity and its rate from noisy measurements |
 //! | [`thermometer`] | temperature and its rate from quantised readings |
 //! | [`motion`] | what the body did, in body axes |
@@ -10,6 +11,7 @@
 //! | [`place`] | where an effect can act, with axes and true input |
 //!
 //! SI units and radians; temperature in °C, its rate in K/s.
+pub mod held;
 pub mod motion;
 pub mod place;
 pub mod redundant;

@@ -60,12 +60,12 @@ pub struct Config {
 impl Default for Config {
     fn default() -> Self {
         Self {
-            expected_effects: 0.5,
+            expected_effects: 1.0,
             told_at: 0.95,
             single_coefficients: 8,
             band_ratio: 1.2,
             trust: vec![4.0, 16.0, 64.0, f64::INFINITY],
-            unit_information: 200.0,
+            unit_information: 50.0,
             implausible_per_decade: 1.0,
             least_information_left: 1e-6,
             least_promised: -2.0,

@@ -3,7 +3,9 @@ use std::collections::HashMap;
 
 use rayon::prelude::*;
 
-use crate::catalogue::{CATALOGUE, Candidate, Effect, Port, Search, Target, UNNAMED, share_equal_series};
+use crate::catalogue::{
+    CATALOGUE, Candidate, Effect, Port, SETUP, Search, Target, UNNAMED, share_equal_series,
+};
 use crate::description::sensors_of;
 use crate::inputs::Inputs;
 use crate::nominal::Model;
@@ -53,7 +55,9 @@ pub fn candidates(inputs: &Inputs<'_>, model: &Model) -> Vec<Candidate> {
         candidates.retain(|candidate| is_searched(model, candidate));
         candidates
     };
-    CATALOGUE.par_iter().chain([UNNAMED].par_iter().copied()).flat_map_iter(of_effect).collect()
+    let others = SETUP.iter().copied().chain([UNNAMED]);
+    let all: Vec<&'static Effect> = CATALOGUE.iter().chain(others).collect();
+    all.into_par_iter().flat_map_iter(of_effect).collect()
 }
 
 /// The model without the rows of which a late instrument may read what was before the record, or an early one what comes after: the

@@ -12,8 +12,8 @@ use schuler_recording::Recording;
 use crate::arrays::arrays;
 use crate::evidence::CaseArrays;
 use crate::explain::{
-    Error, account_for_lattices, against_constants, estimate_unknown, is_of_angle, long_enough,
-    model_without, no_singular_noise, unless_cancelled,
+    Error, account_for_lattices, as_explained, estimate_unknown, is_of_angle, long_enough, model_without,
+    no_singular_noise, unless_cancelled,
 };
 use crate::explanation::{Explanation, FORMAT, Fit, Verdict};
 use crate::hold_out::hold_out;
@@ -57,7 +57,7 @@ pub fn explain_watched(
 ) -> Result<(Explanation, CaseArrays), Error> {
     long_enough(recording)?;
     watch.progress(Phase::Prepare, 0.0);
-    let recording = against_constants(recording);
+    let recording = as_explained(recording);
     let inputs = Inputs::new(&recording);
     let unmasked = model_without(&[], &inputs)?;
     let mut faults = faults(&recording, &unmasked);

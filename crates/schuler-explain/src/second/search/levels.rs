@@ -46,7 +46,10 @@ pub fn levels(bench: &Bench<'_>, description: &Description) -> Vec<Level> {
         }
         let Some(innovations) = innovations(bench, description, index) else { continue };
         let found = match change {
-            NoiseChange::VarianceStep => from_a_time_on(bench, block, &innovations),
+            NoiseChange::VarianceStep => {
+                let is_free = description.free_in(problem, index).contains(&(source, Knob::White));
+                from_a_time_on(bench, block, &innovations, is_free)
+            }
             NoiseChange::LevelAbove(quantity) => above(bench, block, &innovations, quantity),
             _ => None,
         };
@@ -147,13 +150,13 @@ impl Found {
     }
 }
 
-/// The level that begins at the time where it gains most.
-fn from_a_time_on(bench: &Bench<'_>, block: &Block, innovations: &[f64]) -> Option<Found> {
+/// The level that begins at the time where it gains most; that before is another one as well where it is free.
+fn from_a_time_on(bench: &Bench<'_>, block: &Block, innovations: &[f64], is_free: bool) -> Option<Found> {
     let present: Vec<usize> = (0..block.rows()).filter(|&row| block.present[row]).collect();
     let squares: Vec<f64> = innovations.iter().rev().map(|value| value * value).collect();
-    let (place, within, _, [ln_gain, ln_cost]) = divided(bench, &squares, false, &|_| true)?;
+    let (place, within, beyond, [ln_gain, ln_cost]) = divided(bench, &squares, is_free, &|_| true)?;
     let rows = RowsOfLevel::From(present[present.len() - place]);
-    Some(Found { rows, number: place, within, beyond: 1.0, ln_gain, ln_cost })
+    Some(Found { rows, number: place, within, beyond, ln_gain, ln_cost })
 }
 
 /// The level where a quantity is large.

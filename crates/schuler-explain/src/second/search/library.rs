@@ -116,7 +116,9 @@ pub fn placed(beside: &Beside<'_>, offer: &Offer) -> Placed {
     if let (Search::Frequency, [frequency]) = (&candidate.search, offer.point.as_slice()) {
         point = vec![refined_frequency(beside, candidate, *frequency)];
     }
-    if let Search::Grid { parameters, unit_amplitude, .. } = &candidate.search {
+    if let Search::Grid { parameters, unit_amplitude, .. } = &candidate.search
+        && !parameters.is_empty()
+    {
         let refine = Refine { beside, candidate, is_unit: *unit_amplitude, parameters };
         (point, ln_spread) = refine.refined(&point, ln_spread);
     }
