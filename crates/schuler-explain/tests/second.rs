@@ -1,4 +1,5 @@
-//! The second engine on records whose truth is known: noises with nothing concealed, and late gyros.
+//! The second engine on records whose truth is known: noises with nothing concealed, late gyros, what is simply wrong, a reference
+//! that is not ideal, a level of noise that changes.
 use std::f64::consts::TAU;
 use std::fmt::Write;
 
@@ -187,57 +188,146 @@ fn no_physics_is_told_of_much_noise() {
     nothing_is_told(MANY);
 }
 
-/// Three gyros of one instrument that turn, `late_s` late, beside their true rates.
-fn late(late_s: f64) -> Explanation {
-    let mut random = Pcg64::seed_from_u64(7);
+/// Three gyros of one instrument that turn, beside their true rates.
+struct Turning {
+    /// What a gyro reads at a row, from the rates of all axes as functions of time.
+    reads: fn(usize, f64) -> f64,
+    /// The reference's rate of an axis at a row.
+    reference: fn(usize, u32) -> f64,
+    /// Standard deviation of a gyro's noise at a row.
+    white: fn(u32) -> f64,
+}
+
+const STEP_S: f64 = 0.01;
+const WHITE: f64 = 0.002;
+
+/// Rate of an axis, rad/s.
+fn rate(axis: usize, time_s: f64) -> f64 {
     let tones = [(0.31, 0.9), (0.83, 0.5), (1.7, 0.2)];
-    let rate = |axis: usize, time_s: f64| -> f64 {
-        let of_tone = |(frequency_hz, size): (f64, f64)| {
-            let phase = axis as f64 * 1.3 + size;
-            size * (TAU * frequency_hz * (1.0 + 0.1 * axis as f64) * time_s + phase).sin()
-        };
-        tones.into_iter().map(of_tone).sum()
+    let of_tone = |(frequency_hz, size): (f64, f64)| {
+        let phase = axis as f64 * 1.3 + size;
+        size * (TAU * frequency_hz * (1.0 + 0.1 * axis as f64) * time_s + phase).sin()
     };
-    let mut table = String::from("t,gx,gy,gz,wx,wy,wz\n");
-    for row in 0..6000_u32 {
-        let time_s = 0.01 * f64::from(row);
-        write!(table, "{time_s:.2}").expect("a string can be written to");
-        for axis in 0..3 {
-            let reading = rate(axis, time_s - late_s) + 0.002 * normal(&mut random);
-            write!(table, ",{reading:.7}").expect("a string can be written to");
-        }
-        let [x, y, z] = [0, 1, 2].map(|axis| rate(axis, time_s));
-        writeln!(table, ",{x:.9},{y:.9},{z:.9}").expect("a string can be written to");
+    tones.into_iter().map(of_tone).sum()
+}
+
+fn true_rate(axis: usize, row: u32) -> f64 {
+    rate(axis, STEP_S * f64::from(row))
+}
+
+impl Default for Turning {
+    fn default() -> Self {
+        Self { reads: rate, reference: true_rate, white: |_| WHITE }
     }
-    let sensor = |id: &str, axis: &str| {
-        format!(
-            "[[sensor]]\nid = \"{id}\"\nkind = \"mems_gyro\"\ncolumn = \"{id}\"\nunit = \"rad/s\"\ngroup = \"imu\"\n\
-             axis = {axis}\n[sensor.nominal]\nwhite = 0.002\n"
-        )
-    };
-    let case = format!(
-        "format = \"schuler-case/1\"\ntitle = \"Late\"\n\
-         recording = {{ path = \"recording.csv\", time = \"t\", step_s = 0.01 }}\n\
-         site = {{ latitude_deg = 47.0, altitude_m = 400.0 }}\n\
-         motion = {{ kind = \"recorded\", rate = [\"wx\", \"wy\", \"wz\"] }}\n{}{}{}",
-        sensor("gx", "[1.0, 0.0, 0.0]"),
-        sensor("gy", "[0.0, 1.0, 0.0]"),
-        sensor("gz", "[0.0, 0.0, 1.0]")
-    );
-    explained(&table, &case)
+}
+
+impl Turning {
+    fn explained(&self, late_s: f64) -> Explanation {
+        let mut random = Pcg64::seed_from_u64(7);
+        let mut table = String::from("t,gx,gy,gz,wx,wy,wz\n");
+        for row in 0..6000_u32 {
+            let time_s = STEP_S * f64::from(row);
+            write!(table, "{time_s:.2}").expect("a string can be written to");
+            for axis in 0..3 {
+                let reading = (self.reads)(axis, time_s - late_s) + (self.white)(row) * normal(&mut random);
+                write!(table, ",{reading:.7}").expect("a string can be written to");
+            }
+            let [x, y, z] = [0, 1, 2].map(|axis| (self.reference)(axis, row));
+            writeln!(table, ",{x:.9},{y:.9},{z:.9}").expect("a string can be written to");
+        }
+        let sensor = |id: &str, axis: &str| {
+            format!(
+                "[[sensor]]\nid = \"{id}\"\nkind = \"mems_gyro\"\ncolumn = \"{id}\"\nunit = \"rad/s\"\ngroup = \"imu\"\n\
+                 axis = {axis}\n[sensor.nominal]\nwhite = {WHITE}\n"
+            )
+        };
+        let case = format!(
+            "format = \"schuler-case/1\"\ntitle = \"Turning\"\n\
+             recording = {{ path = \"recording.csv\", time = \"t\", step_s = {STEP_S} }}\n\
+             site = {{ latitude_deg = 47.0, altitude_m = 400.0 }}\n\
+             motion = {{ kind = \"recorded\", rate = [\"wx\", \"wy\", \"wz\"] }}\n{}{}{}",
+            sensor("gx", "[1.0, 0.0, 0.0]"),
+            sensor("gy", "[0.0, 1.0, 0.0]"),
+            sensor("gz", "[0.0, 0.0, 1.0]")
+        );
+        explained(&table, &case)
+    }
+}
+
+/// The one finding that is physics or a fault of the case.
+fn only(explanation: &Explanation) -> (&str, &str) {
+    match physics(explanation).as_slice() {
+        [finding] => (&finding.sensor, &finding.effect),
+        told => panic!("{told:#?}"),
+    }
+}
+
+fn delay_of(explanation: &Explanation) -> (f64, f64) {
+    let delays = explanation.findings.iter().flat_map(|finding| &finding.parameters);
+    let delay = delays.into_iter().find(|it| it.name == "delay_s").expect("a delay");
+    (delay.value.expect("a value"), delay.sigma.expect("a sigma"))
 }
 
 #[test]
 fn a_late_instrument_is_told_with_its_delay() {
     // A delay of much less than a row is the same function of this motion as a lag.
     for late_s in [0.008, 0.04, 0.08, 0.12, 0.2] {
-        let explanation = late(late_s);
-        let told = physics(&explanation);
-        let [finding] = told.as_slice() else { panic!("{late_s} s late: {told:#?}") };
-        assert_eq!((finding.sensor.as_str(), finding.effect.as_str()), ("imu", "time_delay"), "{late_s}");
-        let delay = finding.parameters.iter().find(|it| it.name == "delay_s").expect("a delay");
-        let (value, sigma) = (delay.value.expect("a value"), delay.sigma.expect("a sigma"));
+        let explanation = Turning::default().explained(late_s);
+        assert_eq!(only(&explanation), ("imu", "time_delay"), "{late_s}");
+        let (value, sigma) = delay_of(&explanation);
         println!("{late_s} s late: {value} ± {sigma}");
         assert!((value - late_s).abs() < 4.0 * sigma, "{late_s} s late: {value} ± {sigma}");
+    }
+}
+
+#[test]
+fn what_is_simply_wrong_is_named_before_any_effect() {
+    type Reads = fn(usize, f64) -> f64;
+    let all: [(&str, &str, Reads); 4] = [
+        ("gz", "sign_flipped", |axis, time_s| if axis == 2 { -rate(2, time_s) } else { rate(axis, time_s) }),
+        ("imu", "sign_flipped", |axis, time_s| -rate(axis, time_s)),
+        ("imu", "axes_swapped", |axis, time_s| rate([1, 0, 2][axis], time_s)),
+        ("imu", "unit_mistaken", |axis, time_s| rate(axis, time_s).to_degrees()),
+    ];
+    for (sensor, effect, reads) in all {
+        let explanation = Turning { reads, ..Turning::default() }.explained(0.0);
+        assert_eq!(only(&explanation), (sensor, effect));
+    }
+}
+
+#[test]
+fn a_reference_that_is_held_shows_the_delay_of_the_sensors() {
+    let reference = |axis: usize, row: u32| true_rate(axis, row / 5 * 5);
+    let explanation = Turning { reference, ..Turning::default() }.explained(0.027);
+    assert_eq!(only(&explanation), ("imu", "time_delay"));
+    let (value, sigma) = delay_of(&explanation);
+    assert!((value - 0.027).abs() < 4.0 * sigma, "{value} ± {sigma}");
+    assert!(explanation.notes.iter().any(|note| note.contains("held")), "{:?}", explanation.notes);
+}
+
+#[test]
+fn a_smoothed_reference_is_no_scale_factor() {
+    // Half of the difference over two rows of an angle loses 1 − sin(ωT)/ωT.
+    let reference = |axis: usize, row: u32| {
+        (true_rate(axis, row.saturating_sub(2)) + 2.0 * true_rate(axis, row) + true_rate(axis, row + 2)) / 4.0
+    };
+    let explanation = Turning { reference, ..Turning::default() }.explained(0.0);
+    let told = physics(&explanation);
+    assert!(!told.is_empty() && told.iter().all(|it| it.effect == "reference_noise"), "{told:#?}");
+}
+
+#[test]
+fn a_change_of_the_white_level_is_told_with_its_time() {
+    let white = |row: u32| if row < 2500 { WHITE } else { 1.3 * WHITE };
+    let explanation = Turning { white, ..Turning::default() }.explained(0.0);
+    assert!(physics(&explanation).is_empty(), "{:#?}", explanation.findings);
+    let told: Vec<&str> = explanation.findings.iter().map(|it| it.effect.as_str()).collect();
+    assert_eq!(told, ["noise_variance_step"; 3]);
+    for finding in &explanation.findings {
+        let value = |name: &str| {
+            finding.parameters.iter().find(|it| it.name == name).and_then(|it| it.value).expect("a value")
+        };
+        assert!((value("onset_s") - 25.0).abs() < 1.5, "{finding:#?}");
+        assert!((value("ratio") - 1.3).abs() < 0.06, "{finding:#?}");
     }
 }

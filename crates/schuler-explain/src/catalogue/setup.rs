@@ -81,7 +81,7 @@ pub(super) const AXES_SWAPPED: Effect = Effect {
                 let (a, b) = (places[first], places[second]);
                 let (Some(of_a), Some(of_b)) = (&a.input, &b.input) else { continue };
                 let difference: Vec<f64> = of_b.iter().zip(of_a.iter()).map(|(b, a)| b - a).collect();
-                if difference.iter().all(|value| !(value.abs() > 0.0)) {
+                if difference.iter().all(|value| *value == 0.0) {
                     continue;
                 }
                 let turned = map(&difference, |value| -value);

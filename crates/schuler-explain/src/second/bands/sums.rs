@@ -14,8 +14,10 @@ use crate::nominal::Block;
 use crate::second::config::Config;
 use crate::whiten::{Filter, Space};
 
-/// Energy of the coefficients that are left away at the end of a series, of all.
+/// Energy of the coefficients that are left away at the end of a series, of all, at most.
 const LEFT_AWAY: f64 = 1e-9;
+/// The same of a series that is as large as the data, in variances of a whitened coefficient.
+const LEFT_OF_DATA: f64 = 1e-3;
 
 /// A series of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -57,6 +59,8 @@ pub struct Sums {
     /// Half the logarithm of the determinant that whitening took away, of all channels.
     pub half_log_determinant: f64,
     present: Vec<usize>,
+    /// Energy of the coefficients that are left away at the end of a series, of all.
+    left_away: f64,
     store: RwLock<Store>,
 }
 
@@ -89,12 +93,16 @@ impl Sums {
             between_channels: Vec::new(),
             half_log_determinant,
             present,
+            left_away: LEFT_AWAY,
             store: RwLock::default(),
         };
         let rows = block.rows();
         let columns: Vec<&[f64]> = block.data.chunks(rows).collect();
         sums.channels = sums.transformed(&columns);
         sums.between_channels = sums.between(&sums.channels);
+        let energy = |channel: &Vec<f64>| channel.iter().map(|value| value * value).sum::<f64>();
+        let most = sums.channels.iter().map(energy).fold(1.0, f64::max);
+        sums.left_away = LEFT_AWAY.min(LEFT_OF_DATA / most);
         Some(sums)
     }
 
@@ -178,7 +186,7 @@ impl Sums {
         let mut left = 0.0;
         let beyond = |value: &&f64| {
             left += *value * *value;
-            left <= LEFT_AWAY * energy
+            left <= self.left_away * energy
         };
         let kept = series.len() - series.iter().rev().take_while(beyond).count();
         let coefficients: Vec<f32> = series[..kept].iter().map(|value| (value / norm) as f32).collect();

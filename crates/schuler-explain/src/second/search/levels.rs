@@ -55,7 +55,7 @@ pub fn levels(bench: &Bench<'_>, description: &Description) -> Vec<Level> {
         };
         let Some(found) = found else { continue };
         let mut noises = description.noises.clone();
-        let white_part = found.white_part(bench, index, noise);
+        let white_part = white_part(bench, index, noise);
         let of_white = |variance: f64| ((variance - 1.0 + white_part) / white_part).max(LEAST_PART).sqrt();
         let (within, beyond) = (of_white(found.within), of_white(found.beyond));
         let part = found.number as f64 / innovations.len() as f64;
@@ -109,8 +109,7 @@ fn innovations(bench: &Bench<'_>, description: &Description, index: usize) -> Op
     }
     sums.layout.inverse(&mut left);
     let most = bench.problem.config.largest_innovation;
-    left.iter_mut().for_each(|value| *value = value.clamp(-most, most));
-    Some(left)
+    Some(left.into_iter().map(|value| value.clamp(-most, most)).collect())
 }
 
 /// Standard deviation of the innovations in some rows over that in the others.
@@ -141,13 +140,11 @@ struct Found {
     ln_cost: f64,
 }
 
-impl Found {
-    /// Part of the innovations' variance that is white noise.
-    fn white_part(&self, bench: &Bench<'_>, index: usize, noise: &Noise) -> f64 {
-        let Some(sums) = &bench.sums[index] else { return 1.0 };
-        let variance = (sums.filter.log_variances / sums.rows() as f64).exp();
-        (noise.white * noise.white / variance).clamp(LEAST_PART, 1.0)
-    }
+/// Part of the innovations' variance that is white noise.
+fn white_part(bench: &Bench<'_>, index: usize, noise: &Noise) -> f64 {
+    let Some(sums) = &bench.sums[index] else { return 1.0 };
+    let variance = (sums.filter.log_variances / sums.rows() as f64).exp();
+    (noise.white * noise.white / variance).clamp(LEAST_PART, 1.0)
 }
 
 /// The level that begins at the time where it gains most; that before is another one as well where it is free.

@@ -142,7 +142,9 @@ fn refined_frequency(beside: &Beside<'_>, candidate: &Candidate, frequency_hz: f
         -beside.ln_gain(&described, &whitened, candidate, false)
     };
     let half = 0.5 / length_s;
-    golden(frequency_hz - half, frequency_hz + half, SOUGHT_TO * half, cost).0
+    // At the upper end cosine and sine are not told apart.
+    let highest = 0.5 / bench.problem.model.step_s - 4.0 * half;
+    golden(frequency_hz - half, (frequency_hz + half).min(highest), SOUGHT_TO * half, cost).0
 }
 
 /// Parameters of a grid refined by Gauss–Newton steps.
