@@ -3,9 +3,11 @@
     python make_logs.py DIRECTORY
 
 `imu.bag` is written by rosbags, in chunks compressed with LZ4, and `plain.bag`, its first 40 rows, without; `imu.bin`, an ArduPilot DataFlash log of two
-instances, is written here and read back by pymavlink, which has no writer. `fields.npy` is a structured array with a `datetime64`,
-`arrays.npz` two arrays, deflated, and `two.npz` the same, stored, with one of big-endian integers in Fortran's order. They stand in
-crates/schuler-recording/tests/samples. It needs numpy, lz4, rosbags (0.11.9) and pymavlink (2.4.50).
+instances, is written here and read back by pymavlink, which has no writer. `imu.tlog` is written by pymavlink: attitudes in version 2 of
+MAVLink, readings of an IMU in version 1 (x in thousandths), and heartbeats of two senders. `fields.npy` is a structured array with a `datetime64`,
+`arrays.npz` two arrays, deflated, and `two.npz` the same, stored, with one of big-endian integers in Fortran's order;
+`packed.mat` and `plain.mat` are the same with a structure, written by SciPy for MATLAB 5, compressed or not. They stand in
+crates/schuler-recording/tests/samples. It needs numpy, scipy, lz4, rosbags (0.11.9) and pymavlink (2.4.50).
 """
 
 import math
@@ -14,7 +16,10 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from pymavlink import DFReader
+import scipy.io
+from pymavlink import DFReader, mavutil
+from pymavlink.dialects.v10 import ardupilotmega as first
+from pymavlink.dialects.v20 import ardupilotmega as second
 from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -99,6 +104,40 @@ def check_dataflash(path):
     assert all(abs(message.Roll - 0.02 * row) < 1e-9 for row, message in enumerate(attitudes))
 
 
+def write_tlog(path):
+    """Attitudes, at half the rate readings of an IMU, every second heartbeats."""
+    vehicle = second.MAVLink(None, srcSystem=1, srcComponent=1)
+    old = first.MAVLink(None, srcSystem=1, srcComponent=1)
+    ground = first.MAVLink(None, srcSystem=255, srcComponent=190)
+    with open(path, "wb") as log:
+        def write(stamp, message, sender):
+            log.write(struct.pack(">Q", stamp) + message.pack(sender))
+
+        for row in range(ROWS):
+            x, y = readings(row)
+            stamp = START_NS // 1000 + 5000 * row
+            write(stamp, second.MAVLink_attitude_message(5 * row, x, y, 0.0, 0.0, 0.0, 0.0), vehicle)
+            if row % 2 == 0:
+                imu = first.MAVLink_raw_imu_message(5000 * row, round(1000 * x), row, 0, 0, 0, 0, 0, 0, 0)
+                write(stamp + 200, imu, old)
+            if row % 200 == 0:
+                for index, sender in enumerate([old, ground]):
+                    write(stamp + 300 + index, first.MAVLink_heartbeat_message(2, 3, 0, row, 4, 3), sender)
+
+
+def check_tlog(path):
+    """What pymavlink reads is what was written."""
+    log = mavutil.mavlink_connection(str(path))
+    found = []
+    while (message := log.recv_match(type=["ATTITUDE", "RAW_IMU"])) is not None:
+        found.append(message)
+    attitudes = [message for message in found if message.get_type() == "ATTITUDE"]
+    assert len(attitudes) == ROWS and len(found) == ROWS + ROWS // 2, len(found)
+    for row, message in enumerate(attitudes):
+        x, y = readings(row)
+        assert abs(message.roll - x) < 1e-7 and message.pitch == y and message.time_boot_ms == 5 * row
+
+
 def write_arrays(folder):
     """The first 40 rows as arrays of NumPy."""
     rows = np.arange(40)
@@ -109,6 +148,14 @@ def write_arrays(folder):
     np.save(folder / "fields.npy", fields)
     np.savez_compressed(folder / "arrays.npz", t=rows * 0.005, gyro=np.stack([x, rows], axis=1), short=np.zeros(3))
     np.savez(folder / "two.npz", t=rows * 0.005, gyro=np.asfortranarray(np.stack([rows, -rows], axis=1).astype(">i4")))
+    two = {"t": rows * 0.005, "gyro": np.stack([x, rows], axis=1), "note": "at rest", "z": np.array([1j, 2])}
+    two["imu"] = {"count": rows.astype(np.int16), "more": {"x": np.float32(x)}}
+    for name, compressed in [("packed.mat", True), ("plain.mat", False)]:
+        scipy.io.savemat(folder / name, two, do_compression=compressed)
+        # The header says when it was written.
+        content = bytearray((folder / name).read_bytes())
+        content[:116] = b"MATLAB 5.0 MAT-file, by SciPy".ljust(116)
+        (folder / name).write_bytes(content)
 
 
 def main():
@@ -118,6 +165,8 @@ def main():
         write_bag(folder / name, compression, rows)
     write_dataflash(folder / "imu.bin")
     check_dataflash(folder / "imu.bin")
+    write_tlog(folder / "imu.tlog")
+    check_tlog(folder / "imu.tlog")
     write_arrays(folder)
 
 

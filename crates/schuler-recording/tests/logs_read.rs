@@ -1,4 +1,4 @@
-//! Logs of other people's tools: ROS 1 bags, ArduPilot DataFlash, arrays of NumPy. The samples are made by `tests/oracle/make_logs.py`.
+//! Logs of other people's tools: ROS 1 bags, ArduPilot DataFlash, MAVLink, arrays of NumPy and MATLAB. The samples are made by `tests/oracle/make_logs.py`.
 use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -153,6 +153,104 @@ fn dataflash_logs_have_a_topic_for_each_instance() {
 }
 
 #[test]
+fn telemetry_logs_have_a_topic_for_each_sender() {
+    let path = sample("imu.tlog");
+    let names =
+        ["ATTITUDE@log_time", "ATTITUDE.roll", "ATTITUDE.pitch", "ATTITUDE.time_boot_ms", "RAW_IMU.xacc"];
+    let columns = read(&path, &names);
+    assert_eq!((columns.rows(), columns.warnings.len()), (400, 0), "{:?}", columns.warnings);
+    for row in 0..400 {
+        let [time_s, roll, pitch, boot_ms, x] = [0, 1, 2, 3, 4].map(|column| columns.values[column][row]);
+        let expected_s = 1_700_000_000.123_456 + 0.005 * row as f64;
+        assert!((time_s - expected_s).abs() < 1e-6, "{time_s}");
+        assert!((roll - (row as f64 / 10.0).sin()).abs() < 1e-7);
+        assert_eq!((pitch, boot_ms), (row as f64, 5.0 * row as f64));
+        if row % 2 == 0 {
+            assert_eq!(x, (1000.0 * (row as f64 / 10.0).sin()).round());
+        } else {
+            assert!(x.is_nan());
+        }
+    }
+    // The first version of the protocol has no temperature, and each sender is a topic.
+    let imu = read(&path, &["RAW_IMU.time_usec", "RAW_IMU.yacc", "RAW_IMU.temperature"]);
+    assert_eq!((imu.values[0][199], imu.values[1][199]), (1_990_000.0, 398.0));
+    assert!(imu.values[2].iter().all(|value| value.is_nan()));
+    assert_eq!(read(&path, &["HEARTBEAT_1_1.custom_mode"]).values, [[0.0, 200.0]]);
+    assert_eq!(read(&path, &["HEARTBEAT_255_190.custom_mode"]).rows(), 2);
+}
+
+#[test]
+fn damage_to_a_telemetry_log_costs_the_message() {
+    let bytes = fs::read(sample("imu.tlog")).unwrap();
+    let read = |bytes: Vec<u8>| {
+        let table = table::open_bytes(Path::new("imu.tlog"), bytes).unwrap();
+        let wanted = ["ATTITUDE.time_boot_ms", "ATTITUDE.roll"].map(|name| table.index(name).unwrap());
+        table.read(&wanted).unwrap()
+    };
+    let (mut between, mut within) = (bytes.clone(), bytes.clone());
+    // What looks like the beginning of a frame, and the first byte that an attitude carries.
+    between.splice(0..0, *b"\0\x05\x80\0\0\0\0\0\xfd");
+    within[18] ^= 0xff;
+    let between = read(between);
+    assert_eq!(between.rows(), 400);
+    assert!(
+        between.warnings.iter().any(|said| said.contains("9 bytes are no messages")),
+        "{:?}",
+        between.warnings
+    );
+    let within = read(within);
+    assert_eq!((within.rows(), within.values[0][0]), (399, 5.0));
+    assert!(within.warnings[0].contains("are no messages"), "{:?}", within.warnings);
+    let cut = read(bytes[..bytes.len() - 3].to_vec());
+    assert!(cut.warnings.iter().any(|said| said.contains("cut off")), "{:?}", cut.warnings);
+}
+
+#[test]
+fn arrays_of_matlab_are_columns() {
+    let sine: Vec<f64> = (0..40).map(|row| (f64::from(row) / 10.0).sin()).collect();
+    let counted: Vec<f64> = (0..40).map(f64::from).collect();
+    for name in ["packed.mat", "plain.mat"] {
+        let table = table::open(&sample(name)).unwrap();
+        assert_eq!(table.names(), ["t", "gyro[0]", "gyro[1]", "imu.count", "imu.more.x"], "{name}");
+        let columns = table.read(&[0, 1, 2, 3, 4]).unwrap();
+        assert!((columns.values[0][39] - 0.195).abs() < 1e-12);
+        assert!(columns.values[1].iter().zip(&sine).all(|(a, b)| (a - b).abs() < 1e-15));
+        assert_eq!((&columns.values[2], &columns.values[3]), (&counted, &counted));
+        assert!(columns.values[4].iter().zip(&sine).all(|(a, b)| (a - b).abs() < 1e-7));
+    }
+}
+
+#[test]
+fn a_matlab_file_of_the_other_order_of_bytes_is_read_and_one_of_objects_is_named() {
+    let element = |kind: u32, content: &[u8]| {
+        let mut bytes = [kind.to_be_bytes(), (content.len() as u32).to_be_bytes()].concat();
+        bytes.extend(content);
+        bytes.resize(bytes.len().next_multiple_of(8), 0);
+        bytes
+    };
+    let file = |class: u32, values: &[u8]| {
+        let mut header = b"MATLAB 5.0 MAT-file".to_vec();
+        header.resize(124, b' ');
+        header.extend(b"\x01\0MI");
+        let parts = [
+            element(6, &[class.to_be_bytes(), [0; 4]].concat()),
+            element(5, &[1_u32.to_be_bytes(), 3_u32.to_be_bytes()].concat()),
+            element(1, b"omega"),
+            element(9, values),
+        ];
+        table::open_bytes(Path::new("a.mat"), [header, element(14, &parts.concat())].concat())
+    };
+    let values = [1.5_f64, -2.0, 3.0].map(f64::to_be_bytes).concat();
+    let table = file(6, &values).unwrap();
+    assert_eq!(table.names(), ["omega"]);
+    assert_eq!(table.read(&[0]).unwrap().values, [[1.5, -2.0, 3.0]]);
+    let objects = file(17, &values).err().unwrap().to_string();
+    assert!(objects.contains("found no arrays") && objects.contains("table2struct"), "{objects}");
+    let short = file(6, &values[..20]).err().unwrap().to_string();
+    assert!(short.contains("the file is damaged or cut off"), "{short}");
+}
+
+#[test]
 fn arrays_of_numpy_are_columns() {
     let sine: Vec<f64> = (0..40).map(|row| (f64::from(row) / 10.0).sin()).collect();
     let counted: Vec<f64> = (0..40).map(f64::from).collect();
@@ -180,7 +278,9 @@ fn arrays_of_numpy_are_columns() {
 fn damaged_logs_are_answered_with_a_message_or_read() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("damaged");
-    for name in ["imu.bag", "plain.bag", "imu.bin", "fields.npy", "arrays.npz"] {
+    for name in
+        ["imu.bag", "plain.bag", "imu.bin", "imu.tlog", "fields.npy", "arrays.npz", "packed.mat", "plain.mat"]
+    {
         let bytes = fs::read(sample(name)).unwrap();
         for damage in 0..60_usize {
             let mut damaged = bytes.clone();

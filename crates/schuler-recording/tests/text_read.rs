@@ -100,8 +100,8 @@ fn what_is_no_table_is_named_with_the_way_out() {
     for (name, bytes, said) in [
         (
             "a.mat",
-            b"MATLAB 5.0 MAT-file, Platform".as_slice(),
-            "a.mat: found a MATLAB 5 file, which is not read; in MATLAB",
+            b"MATLAB 7.3 MAT-file, Platform".as_slice(),
+            "a.mat: found a MATLAB 7.3 file, which is not read; in MATLAB",
         ),
         ("a.h5", b"\x89HDF\r\n\x1a\n\0\0", "found an HDF5 file, which is not read; in Python"),
         ("a.npz", b"PK\x03\x04\x14\0\0\0", "the archive is damaged"),

@@ -73,13 +73,14 @@ impl ArrayTable {
         Ok(())
     }
 
-    /// The table, when all its arrays have been added.
+    /// The table, when all its arrays have been added; `hint` is said besides where there are none.
     ///
     /// # Errors
     /// No columns.
-    pub(super) fn with_columns(self) -> Result<Self, Error> {
+    pub(super) fn with_columns(self, hint: &str) -> Result<Self, Error> {
         if self.names.is_empty() {
-            let problem = "found no arrays of numbers with one or two axes; expected at least one";
+            let problem =
+                format!("found no arrays of numbers with one or two axes; expected at least one{hint}");
             return Err(Error::one(self.path, Problem::of_file(problem)));
         }
         Ok(self)

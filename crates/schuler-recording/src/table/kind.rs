@@ -1,5 +1,5 @@
 //! Formats that are read, told by their first bytes.
-use super::{dataflash, mcap, numpy, ulog};
+use super::{dataflash, matlab, mavlink, mcap, numpy, ulog};
 
 /// First bytes of a Parquet file.
 pub(super) const PARQUET_MAGIC: &[u8] = b"PAR1";
@@ -15,6 +15,10 @@ pub(super) enum Kind {
     Ulog,
     /// ArduPilot DataFlash.
     DataFlash,
+    /// MAVLink telemetry log.
+    Tlog,
+    /// MATLAB 5.
+    Matlab,
     /// NumPy array.
     Array,
     /// ZIP archive of NumPy arrays.
@@ -23,13 +27,14 @@ pub(super) enum Kind {
     Text,
 }
 
-/// What a file of each kind begins with.
-const MAGIC: [(&[u8], Kind); 7] = [
+/// What files of most kinds begin with.
+const MAGIC: [(&[u8], Kind); 8] = [
     (PARQUET_MAGIC, Kind::Parquet),
     (::mcap::MAGIC, Kind::Mcap),
     (mcap::bag::MAGIC, Kind::Bag),
     (ulog::MAGIC, Kind::Ulog),
     (dataflash::MAGIC, Kind::DataFlash),
+    (matlab::MAGIC, Kind::Matlab),
     (numpy::MAGIC, Kind::Array),
     (numpy::ZIP_MAGIC, Kind::Archive),
 ];
@@ -38,6 +43,10 @@ impl Kind {
     /// Of a file that begins so.
     pub(super) fn of(beginning: &[u8]) -> Self {
         let begins = |magic: &[u8]| beginning.starts_with(magic);
-        MAGIC.iter().find(|(magic, _)| begins(magic)).map_or(Self::Text, |&(_, kind)| kind)
+        match MAGIC.iter().find(|(magic, _)| begins(magic)) {
+            Some(&(_, kind)) => kind,
+            None if mavlink::is_log(beginning) => Self::Tlog,
+            None => Self::Text,
+        }
     }
 }

@@ -17,8 +17,8 @@ const fn known(at: usize, magic: &'static [u8], name: &'static str, way_out: &'s
 }
 
 const KNOWN: &[Known] = &[
-    known(0, b"MATLAB 7.3 MAT-file", "a MATLAB 7.3 file", "in MATLAB: writetable or parquetwrite"),
-    known(0, b"MATLAB 5.0 MAT-file", "a MATLAB 5 file", "in MATLAB: writetable or parquetwrite"),
+    known(0, b"MATLAB 7.3 MAT-file", "a MATLAB 7.3 file", "in MATLAB: save it with -v7, or writetable"),
+    known(0, b"# Created by Octave", "an Octave text file", "in Octave: save -v7 x.mat"),
     known(0, b"\x89HDF\r\n\x1a\n", "an HDF5 file", "in Python: pandas.read_hdf(...).to_parquet(...)"),
     known(0, b"#ROSBAG V1", "a ROS bag older than version 2.0", "convert it: rosbag fix IN.bag OUT.bag"),
     known(
@@ -59,21 +59,10 @@ const KNOWN: &[Known] = &[
     known(0, b"\xb5\x62", "a u-blox UBX log", "convert it with the receiver's own software"),
 ];
 
-/// First bytes of MAVLink messages, of both versions, behind a time stamp of eight bytes.
-const MAVLINK: [u8; 2] = [0xfe, 0xfd];
-/// A time stamp in µs since 1970 of the years 2001 to 2128 begins with these.
-const MAVLINK_STAMP: std::ops::RangeInclusive<u64> = 978_307_200_000_000..=4_986_000_000_000_000;
-
 /// What a file is that begins so, and the way out; `None` where that is not known.
 pub(super) fn named(beginning: &[u8]) -> Option<String> {
     let starts = |known: &&Known| beginning.get(known.at..).is_some_and(|rest| rest.starts_with(known.magic));
-    let (name, way_out) = match KNOWN.iter().find(starts) {
-        Some(known) => (known.name, known.way_out),
-        None if is_tlog(beginning) => {
-            ("a MAVLink telemetry log", "mavlogdump.py --format csv --types RAW_IMU IN.tlog")
-        }
-        None => return None,
-    };
+    let Known { name, way_out, .. } = KNOWN.iter().find(starts)?;
     Some(format!("found {name}, which is not read; {way_out}"))
 }
 
@@ -84,27 +73,19 @@ pub(super) fn named_by_ending(path: &std::path::Path) -> Option<String> {
         .then(|| format!("found an RData file, which is not read; {R}"))
 }
 
-fn is_tlog(beginning: &[u8]) -> bool {
-    let stamp = beginning.first_chunk().map(|bytes| u64::from_be_bytes(*bytes));
-    stamp.is_some_and(|stamp| MAVLINK_STAMP.contains(&stamp))
-        && beginning.get(8).is_some_and(|byte| MAVLINK.contains(byte))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn formats_are_named_with_the_way_out() {
-        let mut tlog = 1_700_000_000_000_000_u64.to_be_bytes().to_vec();
-        tlog.extend([0xfd, 9]);
         for (beginning, name) in [
-            (b"MATLAB 5.0 MAT-file, Platform: GLNXA64".as_slice(), "MATLAB 5"),
+            (b"MATLAB 7.3 MAT-file, Platform: GLNXA64".as_slice(), "MATLAB 7.3"),
             (b"\x89HDF\r\n\x1a\n\0", "HDF5"),
+            (b"# Created by Octave 8.4.0, Sat", "Octave"),
             (b"#ROSBAG V1.2\n", "ROS bag older than"),
             (b"FMT, 128, 89, FMT", "DataFlash"),
             (b"RDX3\nX\n", "RData"),
-            (&tlog, "MAVLink"),
         ] {
             let said = named(beginning).unwrap();
             assert!(said.contains(name) && said.contains("; "), "{said}");

@@ -8,6 +8,8 @@
 //! | ROS 1 bag | its magic bytes | as in MCAP; when a message was recorded is `/imu@log_time` |
 //! | ArduPilot DataFlash | a first message `FMT` | `MESSAGE.LABEL`, `MESSAGE_INSTANCE.LABEL`: `ATT.Roll`, `IMU_0.GyrX` |
 //! | NumPy `.npy`, `.npz` | its magic bytes | the array's or field's name, of two axes `NAME[k]`; alone `array` |
+//! | MATLAB 5 `.mat` | its magic bytes | the variable's name, of a structure `NAME.FIELD`, of two axes `NAME[k]` |
+//! | MAVLink `.tlog` | a time stamp and a frame | `MESSAGE.FIELD`: `ATTITUDE.roll`, `ATTITUDE@log_time` |
 //! | PX4 ULog | its magic bytes | `TOPIC_INSTANCE.FIELD`: `sensor_gyro_0.x`, `sensor_gyro_0.timestamp` |
 //!
 //! A format is known by its first bytes, whatever the name. Readers go through a file a chunk of rows at a time
@@ -34,6 +36,8 @@ mod kind;
 mod known;
 mod lines;
 pub mod log;
+mod matlab;
+mod mavlink;
 mod mcap;
 mod number;
 mod numpy;
@@ -186,7 +190,7 @@ pub fn open_with(path: &Path, leniency: Leniency) -> Result<Box<dyn TableReader>
     let kind = Kind::of(raw.fill_buf().map_err(unreadable)?);
     match kind {
         Kind::Parquet => Ok(Box::new(parquet::ParquetTable::new(path, raw.into_inner())?)),
-        Kind::Array | Kind::Archive => {
+        Kind::Array | Kind::Archive | Kind::Matlab => {
             let mut bytes = Vec::new();
             raw.take(arrays::LARGEST_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
             open_arrays(path, kind, &bytes)
@@ -203,7 +207,7 @@ pub fn open_with(path: &Path, leniency: Leniency) -> Result<Box<dyn TableReader>
 pub fn open_bytes(path: &Path, bytes: Vec<u8>) -> Result<Box<dyn TableReader>, Error> {
     match Kind::of(&bytes) {
         Kind::Parquet => Ok(Box::new(parquet::ParquetTable::new(path, Bytes::from(bytes))?)),
-        kind @ (Kind::Array | Kind::Archive) => open_arrays(path, kind, &bytes),
+        kind @ (Kind::Array | Kind::Archive | Kind::Matlab) => open_arrays(path, kind, &bytes),
         Kind::Text => open_text(path, Cursor::new(bytes), Leniency::Strict),
         kind => open_log(path, kind, Box::new(Cursor::new(bytes))),
     }
@@ -216,6 +220,7 @@ fn open_arrays(path: &Path, kind: Kind, bytes: &[u8]) -> Result<Box<dyn TableRea
     }
     Ok(Box::new(match kind {
         Kind::Array => numpy::array_table(path, bytes)?,
+        Kind::Matlab => matlab::table(path, bytes)?,
         _ => numpy::archive_table(path, bytes)?,
     }))
 }
@@ -225,6 +230,7 @@ fn open_log(path: &Path, kind: Kind, bytes: Box<dyn Bytestream>) -> Result<Box<d
     Ok(match kind {
         Kind::Ulog => Box::new(log::LogTable::new(ulog::Ulog::new(path, bytes)?)?),
         Kind::DataFlash => Box::new(log::LogTable::new(dataflash::DataFlash::new(path, bytes)?)?),
+        Kind::Tlog => Box::new(log::LogTable::new(mavlink::Tlog::new(path, bytes)?)?),
         Kind::Bag => Box::new(log::LogTable::new(mcap::Mcap::of_bag(path, bytes)?)?),
         _ => Box::new(log::LogTable::new(mcap::Mcap::new(path, bytes)?)?),
     })

@@ -26,6 +26,18 @@ impl Number {
         }
     }
 
+    /// The number at the beginning of `bytes`, in either order of bytes.
+    pub(super) fn read_in_order(self, bytes: &[u8], big_endian: bool) -> Option<f64> {
+        if !big_endian {
+            return self.read(bytes);
+        }
+        let mut turned = [0; 8];
+        let turned = turned.get_mut(..self.bytes())?;
+        turned.copy_from_slice(bytes.get(..self.bytes())?);
+        turned.reverse();
+        self.read(turned)
+    }
+
     /// The number at the beginning of `bytes`, least significant byte first; None if they are too few.
     pub(super) fn read(self, bytes: &[u8]) -> Option<f64> {
         Some(match self {

@@ -29,7 +29,7 @@ const LOCAL_BYTES: usize = 30;
 pub(super) fn array_table(path: &Path, bytes: &[u8]) -> Result<ArrayTable, Error> {
     let mut table = ArrayTable::new(path);
     add(&mut table, "", bytes).map_err(|message| Error::one(path, Problem::of_file(message)))?;
-    table.with_columns()
+    table.with_columns("")
 }
 
 /// The table of an archive in memory.
@@ -51,7 +51,7 @@ pub(super) fn archive_table(path: &Path, bytes: &[u8]) -> Result<ArrayTable, Err
         add(&mut table, name, &content).map_err(|message| wrong(format!("{name}: {message}")))?;
     }
     if arrays > 0 {
-        return table.with_columns();
+        return table.with_columns("");
     }
     let has = |part: &str| entries.iter().any(|entry| entry.name == part);
     Err(wrong(if has("xl/workbook.xml") || has("content.xml") {
@@ -148,16 +148,9 @@ impl Written {
     }
 
     fn read(self, bytes: &[u8]) -> Option<f64> {
-        let mut turned = [0; 8];
-        let size = self.number.bytes();
-        let bytes = bytes.get(..size)?;
-        let turned = turned.get_mut(..size)?;
-        turned.copy_from_slice(bytes);
-        if self.big_endian {
-            turned.reverse();
-        }
-        let Some(places) = self.places else { return self.number.read(turned) };
-        let count = i64::from_le_bytes(*turned.first_chunk()?);
+        let Some(places) = self.places else { return self.number.read_in_order(bytes, self.big_endian) };
+        let count = *bytes.first_chunk()?;
+        let count = if self.big_endian { i64::from_be_bytes(count) } else { i64::from_le_bytes(count) };
         // The least is what is no time.
         Some(if count == i64::MIN { f64::NAN } else { seconds(count.into(), places) })
     }
