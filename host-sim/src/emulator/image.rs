@@ -152,6 +152,8 @@ fn cargo_build(root: &Path, target: &Path, image: Image) -> Result<PathBuf, Targ
         "CARGO_BUILD_RUSTFLAGS",
         "RUSTC_WRAPPER",
         "RUSTC_WORKSPACE_WRAPPER",
+        // An incremental build cuts the crates into other units, and the image is another.
+        "CARGO_INCREMENTAL",
     ] {
         command.env_remove(flags);
     }
