@@ -114,6 +114,9 @@ impl Clock {
         let intervals_s: Vec<f64> = stamps_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
         let median_s = median(&mut intervals_s.clone()).unwrap_or(0.0);
         if intervals_s.len() < LEAST_INTERVALS {
+            // A difference of stamps has the digits of their rounding behind its own.
+            let largest_s = stamps_s.iter().fold(0.0_f64, |largest, stamp| largest.max(stamp.abs()));
+            let median_s = shortest(median_s, 4.0 * f64::EPSILON * largest_s);
             return Self::of_few(&intervals_s, median_s, nominal_s);
         }
         let (own, clear) = Self::own(stamps_s, &intervals_s, median_s, column);
@@ -320,6 +323,10 @@ mod tests {
 
     #[test]
     fn a_step_is_told_in_as_few_digits_as_the_stamps_allow() {
+        for few in [vec![5.0, 5.004, 5.008], vec![1e6, 1_000_000.004, 1_000_000.008], vec![68.9, 68.904]] {
+            assert_eq!(of(&few, None).unwrap().step_s, 0.004, "{few:?}");
+        }
+        assert_eq!(of(&[0.0, 66.0, 135.0], None).unwrap().step_s, median(&mut [66.0, 69.0]).unwrap());
         let stamps: Vec<f64> = (0..3000).map(|row| 1.4036e9 + f64::from(row) * 0.005).collect();
         assert_eq!(of(&stamps, None).unwrap().step_s, 0.005);
         let thirds: Vec<f64> = (0..3000).map(|row| (f64::from(row) * 1e3 / 286.0).floor() / 1e3).collect();

@@ -17,7 +17,7 @@
 use std::path::{Path, PathBuf};
 
 use super::join::Join;
-use super::{CHUNK_ROWS, Chunks, Columns, TableReader, column_index, guarded};
+use super::{CHUNK_ROWS, Chunks, Columns, TableReader, column_index, guarded, listed};
 use crate::error::{Error, Problem};
 
 /// Elements of the longest array that has columns; longer ones are pictures and point clouds.
@@ -133,7 +133,7 @@ impl<M: Messages + 'static> TableReader for LogTable<M> {
         Err(format!(
             "found messages of {} topics ({}); expected a choice of columns, of which the first is the time",
             names.len(),
-            names.join(", ")
+            listed(&names)
         ))
     }
 

@@ -66,7 +66,7 @@ pub use write::{Format, TableWriter, write, write_to};
 const BUFFER_BYTES: usize = 1 << 18;
 /// Rows of a chunk.
 pub(crate) const CHUNK_ROWS: usize = 1 << 12;
-/// Columns that a message lists.
+/// Names that a message lists.
 const LISTED: usize = 12;
 /// First bytes of a gzip file.
 const GZIP_MAGIC: &[u8] = &[0x1f, 0x8b];
@@ -273,18 +273,21 @@ pub fn column_index(names: &[String], name: &str) -> Result<usize, String> {
         }
         (None, _) => {
             let hint = suggestion(name, names.iter().map(String::as_str));
-            let hint = hint.map_or_else(|| listed(names), |meant| format!("; did you mean \"{meant}\"?"));
+            let hint = hint.map_or_else(
+                || format!("; it has {}", listed(names)),
+                |meant| format!("; did you mean \"{meant}\"?"),
+            );
             Err(format!("found \"{name}\"; expected a column of the table{hint}"))
         }
     }
 }
 
-/// The first columns that there are, for a message.
-fn listed(names: &[String]) -> String {
-    let first: Vec<&str> = names.iter().take(LISTED).map(String::as_str).collect();
+/// The first of some names, for a message.
+fn listed<S: AsRef<str>>(names: &[S]) -> String {
+    let first: Vec<&str> = names.iter().take(LISTED).map(AsRef::as_ref).collect();
     let more =
         if names.len() > LISTED { format!(" and {} more", names.len() - LISTED) } else { String::new() };
-    format!("; it has {}{more}", first.join(", "))
+    format!("{}{more}", first.join(", "))
 }
 
 /// The decoders' own checks end in a panic for some damaged files; here that is an error like any other.
