@@ -1,7 +1,7 @@
 //! The sentences of an explanation, for the terminal and for the page.
 use std::fmt::Write;
 
-use schuler_explain::catalogue::{CATALOGUE, Effect};
+use schuler_explain::catalogue::{CATALOGUE, Effect, SETUP};
 use schuler_explain::explanation::{
     BeforeAfter, Finding, Located, NoiseShift, Parameter, Remainder, Rival, Verdict,
 };
@@ -107,7 +107,7 @@ pub(super) fn name_of(name: &str) -> String {
 
 /// The row of the catalogue.
 pub(super) fn effect(id: &str) -> Option<&'static Effect> {
-    CATALOGUE.iter().find(|effect| effect.id == id)
+    CATALOGUE.iter().chain(SETUP.iter().copied()).find(|effect| effect.id == id)
 }
 
 /// "bias_temperature_rate, k·Ṫ"
