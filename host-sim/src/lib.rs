@@ -8,6 +8,7 @@
 //! | [`flight`] | case in, module flown, outputs summed up |
 //! | [`identify`] | noise structure, Allan deviation and autocorrelation of each sensor of a recording |
 //! | [`plot`] | figures as SVG and PNG |
+//! | [`proposal`] | cases that are proposed from tables |
 //! | [`report`] | an explanation as text, figures and an HTML page |
 //! | [`statistics`] | tests of innovations |
 //! | [`command`] | the command's arguments, texts and progress |
@@ -27,6 +28,7 @@ pub mod identify;
 pub mod output;
 pub mod physics;
 pub mod plot;
+pub mod proposal;
 pub mod report;
 pub mod scenario;
 pub mod simulation;

@@ -243,7 +243,7 @@ impl<'c> Context<'c> {
         match sensor.kind.dimension() {
             Dimension::AngularRate => among(&self.stations.gyros).map(Target::Gyro),
             Dimension::Acceleration => among(&self.stations.accelerometers).map(Target::Accelerometer),
-            Dimension::Velocity => None,
+            Dimension::Velocity | Dimension::Other => None,
         }
     }
 

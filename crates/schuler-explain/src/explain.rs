@@ -3,7 +3,7 @@ use std::borrow::Cow;
 
 use rayon::prelude::*;
 use schuler_recording::Recording;
-use schuler_recording::case::MotionKind;
+use schuler_recording::case::{MotionKind, SensorKind};
 use schuler_recording::motion::predict;
 use schuler_recording::recording::SensorSeries;
 use thiserror::Error;
@@ -160,13 +160,18 @@ pub fn explain_watched(
 }
 
 /// The recording, in which the sensors of a body at rest whose input the case does not tell, for want of its attitude, say, are read against an
-/// unknown constant: whatever that input is, it is one.
+/// unknown constant: whatever that input is, it is one. So are those of any kind of which nothing says at what level they are.
 fn against_constants(recording: &Recording) -> Cow<'_, Recording> {
     // Of a body that moves a prediction is the work of the model, and not made twice.
-    if recording.case.motion.kind != MotionKind::Static {
-        return Cow::Borrowed(recording);
-    }
-    let is_untold = |series: &SensorSeries| predict(recording, &series.sensor).is_err();
+    let at_rest = recording.case.motion.kind == MotionKind::Static;
+    let is_untold = |series: &SensorSeries| {
+        let sensor = &series.sensor;
+        if sensor.kind == SensorKind::Other {
+            // A bias that is stated is its level.
+            return series.predicted.is_none() && sensor.nominal.bias == 0.0;
+        }
+        at_rest && predict(recording, sensor).is_err()
+    };
     let untold: Vec<bool> = recording.sensors.iter().map(is_untold).collect();
     if !untold.contains(&true) {
         return Cow::Borrowed(recording);

@@ -2,6 +2,7 @@
 //!
 //! | motion | block | channels |
 //! | --- | --- | --- |
+//! | any, of a sensor that a simulator predicts, or of kind "other" | one a sensor | output − (1 + scale) · prediction − bias − temperature dependence |
 //! | static, recorded | one a sensor | output − (1 + scale) · ideal output − bias − temperature dependence |
 //! | unknown | one a dimension | parity vector p = V r with V A = 0, A the sensors' axes [FDI-4] |
 //! | velocity error | the Schuler loop | V_ins − V_ref; states δV, δ and the noise of both inertial sensors [FIL-3] |
@@ -14,13 +15,14 @@ use std::sync::Arc;
 use nalgebra::{Complex, DMatrix, DVector};
 use schuler_recording::Recording;
 use schuler_recording::case::{MotionKind, SensorKind};
-use schuler_recording::motion::{is_resolved_over_earth, predict};
+use schuler_recording::motion::{Prediction, Unpredictable, is_resolved_over_earth, predict};
 use schuler_recording::recording::SensorSeries;
 use schuler_recording::unit::{Dimension, Unit};
 
 use crate::catalogue::{Column, Port};
 use crate::common_motion::CommonMotion;
 use crate::inputs::Loudness;
+use crate::inputs::redundant::is_checked;
 use crate::inputs::series::Series;
 use crate::noise::{Group, Noise, RowsOfLevel};
 use crate::onset_energy::{self, Shapes};
@@ -156,7 +158,10 @@ impl Model {
         };
         match recording.case.motion.kind {
             MotionKind::Static | MotionKind::Recorded => model.add_known(recording, masked),
-            MotionKind::Unknown => model.add_redundant(recording, masked),
+            MotionKind::Unknown => {
+                model.add_alone(recording, masked);
+                model.add_redundant(recording, masked);
+            }
             MotionKind::VelocityError => model.add_loop(recording, masked),
         }
         if model.blocks.is_empty() {
@@ -280,36 +285,59 @@ impl Model {
                 "no attitude is recorded: the axes of GNSS and INS velocities are taken as north, east, down";
             self.notes.push(taken.to_owned());
         }
+        self.note_untold(recording);
+        for (index, series) in recording.sensors.iter().enumerate() {
+            match prediction_of(recording, series) {
+                Ok(prediction) => self.add_direct(recording, masked, index, &prediction),
+                Err(reason) => {
+                    self.notes.push(format!("{} cannot be predicted: {reason}", series.sensor.id));
+                }
+            }
+        }
+    }
+
+    /// The sensors that need no others to be checked: a simulator says what they read, or they are read as they are.
+    fn add_alone(&mut self, recording: &Recording, masked: &[Vec<bool>]) {
+        self.note_untold(recording);
+        for (index, series) in recording.sensors.iter().enumerate() {
+            if let Ok(prediction) = prediction_of(recording, series) {
+                self.add_direct(recording, masked, index, &prediction);
+            }
+        }
+    }
+
+    /// Notes the sensors that were made relative though the case does not call them so.
+    fn note_untold(&mut self, recording: &Recording) {
         let told = recording.sensors.iter().zip(&recording.case.sensors);
         for (series, _) in told.filter(|(series, written)| series.sensor.relative && !written.relative) {
-            let of = &series.sensor.id;
-            self.notes.push(format!(
-                "{of}: what it reads at rest is not told: it is taken for an unknown constant"
-            ));
-        }
-        for (index, series) in recording.sensors.iter().enumerate() {
             let sensor = &series.sensor;
-            let prediction = match predict(recording, sensor) {
-                Ok(prediction) => prediction,
-                Err(reason) => {
-                    self.notes.push(format!("{} cannot be predicted: {reason}", sensor.id));
-                    continue;
-                }
-            };
-            let own = own_part(recording, index);
-            let scale = 1.0 + 1e-6 * sensor.nominal.scale_factor_ppm;
-            let data: Vec<f64> = (series.values.iter().zip(&own).enumerate())
-                .map(|(row, (value, own))| {
-                    if is_masked(masked, index, row) {
-                        f64::NAN
-                    } else {
-                        value - scale * prediction.at(row) - own
-                    }
-                })
-                .collect();
-            let source = self.add_source(recording, index);
-            self.add_block(vec![index], vec![source], 1, data, Geometry::Direct);
+            let what = if sensor.kind == SensorKind::Other { "its level" } else { "what it reads at rest" };
+            self.notes
+                .push(format!("{}: {what} is not told: it is taken for an unknown constant", sensor.id));
         }
+    }
+
+    fn add_direct(
+        &mut self,
+        recording: &Recording,
+        masked: &[Vec<bool>],
+        index: usize,
+        prediction: &Prediction,
+    ) {
+        let series = &recording.sensors[index];
+        let own = own_part(recording, index);
+        let scale = 1.0 + 1e-6 * series.sensor.nominal.scale_factor_ppm;
+        let data: Vec<f64> = (series.values.iter().zip(&own).enumerate())
+            .map(|(row, (value, own))| {
+                if is_masked(masked, index, row) {
+                    f64::NAN
+                } else {
+                    value - scale * prediction.at(row) - own
+                }
+            })
+            .collect();
+        let source = self.add_source(recording, index);
+        self.add_block(vec![index], vec![source], 1, data, Geometry::Direct);
     }
 
     fn add_redundant(&mut self, recording: &Recording, masked: &[Vec<bool>]) {
@@ -317,11 +345,11 @@ impl Model {
             let mut indices = Vec::new();
             let present =
                 |series: &SensorSeries| series.values.iter().filter(|value| value.is_finite()).count();
-            let of_dimension = |series: &&SensorSeries| series.sensor.kind.dimension() == dimension;
+            let of_dimension = |series: &&SensorSeries| is_checked(series, dimension);
             let most = recording.sensors.iter().filter(of_dimension).map(present).max().unwrap_or_default();
             for (index, series) in recording.sensors.iter().enumerate() {
                 let sensor = &series.sensor;
-                if sensor.kind.dimension() != dimension {
+                if !is_checked(series, dimension) {
                     continue;
                 }
                 if (present(series) as f64) < LEAST_PRESENT * most as f64 {
@@ -452,6 +480,14 @@ impl Model {
             geometry,
             step_s: self.step_s,
         });
+    }
+}
+
+/// What a sensor should read. One of kind "other" that no simulator predicts is read as it is, against 0 or an unknown constant.
+fn prediction_of(recording: &Recording, series: &SensorSeries) -> Result<Prediction, Unpredictable> {
+    match predict(recording, &series.sensor) {
+        Err(Unpredictable::Other) => Ok(Prediction::Constant(0.0)),
+        prediction => prediction,
     }
 }
 

@@ -16,7 +16,27 @@ pub fn said(effect: &Effect, sensor: &str, parameters: &[Parameter]) -> String {
     if let Some(quantity) = quantity.and_then(|quantity| quantity.text.as_deref()) {
         return format!("{said} with the {quantity}");
     }
+    if let Some(function) = function_of(parameters) {
+        return said.replace("another recorded quantity", &function);
+    }
     if is_early(parameters) { said.replace("comes late", "comes early, or its reference late") } else { said }
+}
+
+/// The function of recorded quantities that a dependence is on, where it is not the quantity itself.
+fn function_of(parameters: &[Parameter]) -> Option<String> {
+    let text = |name: &str| parameters.iter().find(|it| it.name == name)?.text.as_deref();
+    let column = text("column")?;
+    Some(match (text("function")?, text("with")) {
+        ("square", _) => format!("the square of {column}"),
+        ("cube", _) => format!("the cube of {column}"),
+        ("abs", _) => format!("the absolute value of {column}"),
+        ("sign", _) => format!("the sign of {column}"),
+        ("odd_square", _) => format!("the square of {column} with its sign"),
+        ("rate", _) => format!("the rate of {column}"),
+        ("delay", _) => format!("{column} late"),
+        ("product", Some(with)) => format!("the product of {column} and {with}"),
+        _ => return None,
+    })
 }
 
 /// The parameters as a sentence quotes them: the delay of what comes early without its sign.
@@ -128,6 +148,23 @@ mod tests {
         assert_eq!(said(effect, "log", &delay(-1.46)), "log comes early, or its reference late");
         assert_eq!(quoted(&delay(-1.46))[0].value, Some(1.46));
         assert_eq!(quoted(&delay(0.3))[0].value, Some(0.3));
+    }
+
+    #[test]
+    fn the_function_of_a_recorded_quantity_is_said() {
+        let effect = CATALOGUE.iter().find(|effect| effect.id == "bias_on_aux").expect("a row");
+        let text = |name: &str, text: &str| Parameter {
+            name: name.to_owned(),
+            text: Some(text.to_owned()),
+            ..Parameter::default()
+        };
+        let column = text("column", "velocity");
+        let plain = said(effect, "torque", std::slice::from_ref(&column));
+        assert_eq!(plain, "torque follows another recorded quantity");
+        let sign = said(effect, "torque", &[column.clone(), text("function", "sign")]);
+        assert_eq!(sign, "torque follows the sign of velocity");
+        let product = [column, text("function", "product"), text("with", "current")];
+        assert_eq!(said(effect, "torque", &product), "torque follows the product of velocity and current");
     }
 
     #[test]

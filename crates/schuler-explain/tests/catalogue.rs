@@ -124,6 +124,7 @@ impl Scene {
                 ..Source::default()
             },
             site: None,
+            simulation: None,
             motion: Motion { kind, ..Motion::default() },
             schuler_loop: None,
             sensors: Vec::new(),
@@ -153,6 +154,8 @@ impl Scene {
             id: id.to_owned(),
             kind,
             column: id.to_owned(),
+            predicted: None,
+            predicted_unit: None,
             unit: unit.si(),
             axis: Some(axis),
             group: None,
@@ -163,7 +166,13 @@ impl Scene {
         };
         self.0.case.sensors.push(sensor.clone());
         let values = vec![0.0; self.0.len()];
-        self.0.sensors.push(SensorSeries { sensor, written_unit: unit, values, quality: Quality::default() });
+        self.0.sensors.push(SensorSeries {
+            sensor,
+            written_unit: unit,
+            values,
+            predicted: None,
+            quality: Quality::default(),
+        });
         self
     }
 
@@ -279,6 +288,7 @@ fn bare(kind: SensorKind) -> Scene {
         unit::Dimension::AngularRate => Unit::DegreePerHour,
         unit::Dimension::Acceleration => Unit::MicroG,
         unit::Dimension::Velocity => Unit::MetrePerSecond,
+        unit::Dimension::Other => Unit::free("N m"),
     };
     let mut scene = Scene::new(MotionKind::Static, 50, 1.0)
         .sensor("s", kind, unit, [0.0, 0.0, 1.0])

@@ -1,6 +1,8 @@
 //! The units in which a case file may be written, and their conversion to SI.
+use std::collections::BTreeSet;
 use std::f64::consts::PI;
 use std::fmt;
+use std::sync::{Mutex, PoisonError};
 
 use serde::{Serialize, Serializer};
 
@@ -16,6 +18,8 @@ pub enum Dimension {
     Acceleration,
     /// Velocity, SI unit m/s.
     Velocity,
+    /// Anything else, in whatever unit it is written: pressure, torque, position.
+    Other,
 }
 
 /// Unit of a sensor's column and of its nominal values.
@@ -37,10 +41,41 @@ pub enum Unit {
     MicroG,
     /// m/s
     MetrePerSecond,
+    /// A unit in free text, which is not converted; made by [`Unit::free`].
+    Free(&'static str),
 }
 
+/// Unit of what has none.
+pub const ONE: Unit = Unit::Free("1");
+
 impl Unit {
-    /// Every unit under its name in the case file.
+    /// A unit in free text, as it is written but for blanks at its ends; an empty one is [`ONE`].
+    ///
+    /// Each text is kept once as long as the program runs, so that a unit stays a word that is copied.
+    ///
+    /// ```
+    /// use schuler_recording::unit::Unit;
+    ///
+    /// assert_eq!(Unit::free(" N m ").name(), "N m");
+    /// assert_eq!(Unit::free("N m").in_si(), 1.0);
+    /// assert_eq!(Unit::free("").name(), "1");
+    /// ```
+    pub fn free(text: &str) -> Self {
+        static KEPT: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
+        let text = text.trim();
+        if text.is_empty() {
+            return ONE;
+        }
+        let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = kept.get(text) {
+            return Self::Free(known);
+        }
+        let text: &'static str = Box::leak(text.to_owned().into_boxed_str());
+        kept.insert(text);
+        Self::Free(text)
+    }
+
+    /// Every unit that is converted under its name in the case file.
     pub const NAMES: [(&'static str, Unit); 8] = [
         ("rad/s", Unit::RadianPerSecond),
         ("deg/s", Unit::DegreePerSecond),
@@ -58,13 +93,14 @@ impl Unit {
             Self::RadianPerSecond | Self::DegreePerSecond | Self::DegreePerHour => Dimension::AngularRate,
             Self::MetrePerSecondSquared | Self::G | Self::MilliG | Self::MicroG => Dimension::Acceleration,
             Self::MetrePerSecond => Dimension::Velocity,
+            Self::Free(_) => Dimension::Other,
         }
     }
 
-    /// Value of one of this unit in the SI unit of its dimension.
+    /// Value of one of this unit in the SI unit of its dimension; 1 for free text.
     pub const fn in_si(self) -> f64 {
         match self {
-            Self::RadianPerSecond | Self::MetrePerSecondSquared | Self::MetrePerSecond => 1.0,
+            Self::RadianPerSecond | Self::MetrePerSecondSquared | Self::MetrePerSecond | Self::Free(_) => 1.0,
             Self::DegreePerSecond => PI / 180.0,
             Self::DegreePerHour => PI / 180.0 / 3600.0,
             Self::G => STANDARD_GRAVITY,
@@ -73,10 +109,13 @@ impl Unit {
         }
     }
 
-    /// The SI unit of the same dimension.
+    /// The SI unit of the same dimension; free text as it is.
     #[must_use]
     pub const fn si(self) -> Unit {
-        self.dimension().si_unit()
+        match self {
+            Self::Free(_) => self,
+            _ => self.dimension().si_unit(),
+        }
     }
 
     /// Name in the case file.
@@ -90,21 +129,23 @@ impl Unit {
             Self::MilliG => "mg",
             Self::MicroG => "ug",
             Self::MetrePerSecond => "m/s",
+            Self::Free(text) => text,
         }
     }
 }
 
 impl Dimension {
-    /// The SI unit.
+    /// The SI unit; of what is in free text none is known, and it is [`ONE`].
     pub const fn si_unit(self) -> Unit {
         match self {
             Self::AngularRate => Unit::RadianPerSecond,
             Self::Acceleration => Unit::MetrePerSecondSquared,
             Self::Velocity => Unit::MetrePerSecond,
+            Self::Other => ONE,
         }
     }
 
-    /// The units that measure it.
+    /// The units that measure it and are converted.
     pub fn units(self) -> impl Iterator<Item = Unit> {
         Unit::NAMES.into_iter().map(|(_, unit)| unit).filter(move |unit| unit.dimension() == self)
     }

@@ -1,6 +1,7 @@
 //! `schuler convert IN OUT`.
 use std::path::{Path, PathBuf};
 
+use schuler_recording::case::Simulation;
 use schuler_recording::table::{self, Copied, TableReader};
 use schuler_recording::{Error, Problem};
 use serde::Serialize;
@@ -113,7 +114,10 @@ fn of_case(arguments: &Arguments, session: &Session) -> Result<Answer, Failure> 
     let table = file.open_table()?;
     let format = arguments.format.map_or(table::Format::Parquet, table::Format::from);
     let columns = if arguments.columns.is_empty() {
-        file.case.columns().into_iter().map(str::to_owned).collect()
+        let mut columns: Vec<String> = file.case.columns().into_iter().map(str::to_owned).collect();
+        let motion = file.case.motion.columns().filter(|column| table.index(column).is_ok());
+        columns.extend(motion.map(str::to_owned));
+        columns
     } else {
         arguments.columns.clone()
     };
@@ -128,6 +132,12 @@ fn of_case(arguments: &Arguments, session: &Session) -> Result<Answer, Failure> 
     let mut answer = write(table, &wanted, &arguments.output.join(&name), format, arguments, session)?;
     answer.warnings.extend(file.warnings.iter().map(|warning| format!("{}: {warning}", file.path.display())));
     file.case.recording.path = name;
+    // The simulation stays where it is.
+    let simulation = file.simulation_path().map(|path| path.canonicalize().unwrap_or(path));
+    if let (Some(path), Some(Simulation { table: Some(table), .. })) = (simulation, &mut file.case.simulation)
+    {
+        table.path = path;
+    }
     output::write_case(&case, &file.case)?;
     answer.case = Some(case);
     Ok(answer)

@@ -1,18 +1,19 @@
-//! `schuler explain CASE.toml`.
+//! `schuler explain CASE.toml`, or a table alone.
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use schuler_explain::deploy::{Deployed, Deployment, Stations, deploy};
 use schuler_explain::evidence::evidence;
-use schuler_explain::explain::{self, Options, explain_watched};
+use schuler_explain::explain::{self as engine, Options, explain_watched};
 use schuler_explain::explanation::Explanation;
 use schuler_explain::second;
 use schuler_link::block;
-use schuler_recording::{Error, Problem, Recording};
+use schuler_recording::{CaseFile, Error, Problem, Recording};
 use serde::Serialize;
 
 use super::Failure;
 use super::fly::write_json;
+use super::init::{self, Written};
 use super::memory::{self, Need};
 use super::session::Session;
 use crate::campaign::engine::Engine;
@@ -20,6 +21,7 @@ use crate::flight;
 use crate::flight::sensors::Place;
 use crate::output::{self, Interrupted};
 use crate::plot::Format;
+use crate::proposal::{look_at, of_recording};
 use crate::report::{Recorded, Report};
 
 /// Memory that explaining takes, most of it for signatures. Measured: 0.7 kB a row of three columns with nothing found, beside which
@@ -42,14 +44,24 @@ Examples:
   With the block by which the flight module takes the effects out:
     schuler explain run_17/case.toml --compensation run_17.block
 
+  A table without a case, of which sensors and units are guessed (schuler init writes the case):
+    schuler explain run_17/recording.csv
+
   The exit status is 0 whatever the verdict.";
 
-/// What to explain, and where to show it.
+/// What to explain.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Arguments {
-    /// Case file.
+    /// Case file; or a table, of which a case is guessed.
     case: PathBuf,
+    #[command(flatten)]
+    shown: Shown,
+}
+
+/// How it is explained, and where that is shown.
+#[derive(Debug, clap::Args)]
+pub(super) struct Shown {
     /// Write the explanation as one HTML page that needs nothing beside it.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
@@ -79,57 +91,69 @@ struct Answer<'r> {
     compensation: Vec<Deployed>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     files: Vec<PathBuf>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    proposal: Option<&'r Written>,
+}
+
+impl Shown {
+    /// Makes sure that the files can be written now, and not after the work whose result they are to hold.
+    pub(super) fn check(&self) -> Result<(), Error> {
+        self.report.iter().chain(&self.compensation).try_for_each(|path| output::check(path))
+    }
 }
 
 pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failure> {
-    let recording = memory::recording(session.case(&arguments.case)?, NEED, session)?;
+    let is_case = arguments.case.extension().is_none_or(|ending| ending.eq_ignore_ascii_case("toml"));
+    let file = if is_case { session.case(&arguments.case)? } else { of_table(&arguments.case, session)? };
+    explain(file, &arguments.shown, None, session)
+}
+
+/// The case that a table is guessed to be, which is said.
+fn of_table(table: &Path, session: &Session) -> Result<CaseFile, Failure> {
+    output::protect(table);
+    let waiting = session.waiting("reading");
+    let look = look_at(table, None)?;
+    drop(waiting);
+    let name = table.file_name().map(PathBuf::from).unwrap_or_default();
+    let proposed = of_recording(&look, &name);
+    let guessed = format!(
+        "{}: no case was given, so this is guessed; schuler init writes it as a case to go on with",
+        table.display()
+    );
+    session.warn(&[guessed]);
+    session.warn(&proposed.said);
+    // Beside the table, to which its path is relative.
+    Ok(CaseFile::parse_with(&table.with_extension("toml"), &proposed.text, session.leniency())?)
+}
+
+/// Explains a case, which may have just been written.
+pub(super) fn explain(
+    file: CaseFile,
+    shown: &Shown,
+    proposal: Option<&Written>,
+    session: &Session,
+) -> Result<(), Failure> {
+    let case = file.path.clone();
+    let recording = memory::recording(file, NEED, session)?;
     session.warn(&recording.warnings);
-    // Now, and not after the work whose result it is to hold.
-    for path in arguments.report.iter().chain(&arguments.compensation) {
-        output::check(path)?;
-    }
-    let progress = session.phases();
-    let options = Options { level: arguments.level, ..Options::default() };
-    let explained = match arguments.engine {
-        Engine::First => explain_watched(&recording, &options, &progress),
-        Engine::Second => second::explain_watched(&recording, &second::config::Config::default(), &progress),
-    };
-    let (explanation, arrays) = explained.map_err(|error| match error {
-        explain::Error::Cancelled => Failure::Stopped(Interrupted),
-        error => Error::one(&arguments.case, Problem::of_file(error.to_string())).into(),
-    })?;
-    drop(progress);
-    let report = Report {
-        title: recording.case.title.clone(),
-        recorded: Recorded::of(&recording, &arguments.case.display().to_string()),
-        explanation,
-        evidence: evidence(arrays),
-    };
-    let mut files = Vec::new();
-    if let Some(directory) = &arguments.out {
-        std::fs::create_dir_all(directory)
-            .map_err(|error| Error::io(directory, "make the directory", &error))?;
-        for (name, figure) in report.figures() {
-            files.extend(figure.write(directory, &name, &arguments.plot)?);
-        }
-        let path = directory.join("explanation.json");
-        write_json(&path, &report.explanation)?;
-        files.push(path);
-    }
-    if let Some(path) = &arguments.report {
+    shown.check()?;
+    let report = explained(&recording, &case, shown, session)?;
+    let mut files = figures(&report, shown)?;
+    if let Some(path) = &shown.report {
         output::write(path, report.html().as_bytes())?;
         files.push(path.clone());
     }
     let mut compensation = Vec::new();
-    if let Some(path) = &arguments.compensation {
-        let deployment = deployed(&report.explanation, &recording, &arguments.case)?;
+    if let Some(path) = &shown.compensation {
+        let deployment = deployed(&report.explanation, &recording, &case)?;
         output::write(path, &block::encode(&deployment.block))?;
         compensation = deployment.findings;
         files.push(path.clone());
     }
-    let answer = Answer { explanation: &report.explanation, compensation, files };
+    let answer = Answer { explanation: &report.explanation, compensation, files, proposal };
     session.answer(&answer, |answer| {
-        let mut text = report.text();
+        let mut text = answer.proposal.map(|written| init::words(written) + "\n").unwrap_or_default();
+        text.push_str(&report.text());
         text.push_str(&words(&answer.compensation));
         if !answer.files.is_empty() {
             text.push_str("\nWritten:\n");
@@ -140,6 +164,44 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
         }
         text
     })
+}
+
+fn explained(
+    recording: &Recording,
+    case: &Path,
+    shown: &Shown,
+    session: &Session,
+) -> Result<Report, Failure> {
+    let progress = session.phases();
+    let options = Options { level: shown.level, ..Options::default() };
+    let explained = match shown.engine {
+        Engine::First => explain_watched(recording, &options, &progress),
+        Engine::Second => second::explain_watched(recording, &second::config::Config::default(), &progress),
+    };
+    let (explanation, arrays) = explained.map_err(|error| match error {
+        engine::Error::Cancelled => Failure::Stopped(Interrupted),
+        error => Error::one(case, Problem::of_file(error.to_string())).into(),
+    })?;
+    Ok(Report {
+        title: recording.case.title.clone(),
+        recorded: Recorded::of(recording, &case.display().to_string()),
+        explanation,
+        evidence: evidence(arrays),
+    })
+}
+
+/// Writes the explanation and its figures into the directory that was asked for.
+fn figures(report: &Report, shown: &Shown) -> Result<Vec<PathBuf>, Failure> {
+    let mut files = Vec::new();
+    let Some(directory) = &shown.out else { return Ok(files) };
+    std::fs::create_dir_all(directory).map_err(|error| Error::io(directory, "make the directory", &error))?;
+    for (name, figure) in report.figures() {
+        files.extend(figure.write(directory, &name, &shown.plot)?);
+    }
+    let path = directory.join("explanation.json");
+    write_json(&path, &report.explanation)?;
+    files.push(path);
+    Ok(files)
 }
 
 /// What flies, by the inputs that the sensors of the case have at the flight module.

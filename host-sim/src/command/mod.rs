@@ -6,6 +6,8 @@
 //! | `fly` | a case → through the flight module |
 //! | `identify` | a case → noise of each sensor |
 //! | `explain` | a case → what its simulation leaves out |
+//! | `compare` | a simulator's output and a recording → a case, explained |
+//! | `init` | a table → a case to go on editing |
 //! | `campaign` | many cases with concealed effects, scored |
 //! | `campaign freeze`, `campaign compare` | answers of an engine as data, and two engines compared |
 //! | `convert` | a table, or a case with its table → another format |
@@ -20,6 +22,7 @@
 //! error. Exit status: 0 done, 2 bad input (one line: file, line, field, what was expected), 130 stopped, 1 anything else.
 mod calibrate;
 mod campaign;
+mod compare;
 mod compare_isolation;
 mod completions;
 mod convert;
@@ -29,6 +32,7 @@ mod figures;
 mod fly;
 mod freeze;
 mod identify;
+mod init;
 mod man;
 mod memory;
 mod session;
@@ -90,6 +94,10 @@ enum Command {
     Identify(identify::Arguments),
     /// Find where a recording differs from its simulation, and which physics was left out.
     Explain(explain::Arguments),
+    /// Compare a simulator's output with a recording: write the case, then explain it.
+    Compare(compare::Arguments),
+    /// Propose a case for a recording.
+    Init(init::Arguments),
     /// Write a table, or a case with its table, in another format.
     Convert(convert::Arguments),
     /// Conceal effects in many cases, look for them, and score what was found.
@@ -142,6 +150,8 @@ pub fn main() -> ExitCode {
         Command::Fly(arguments) => fly::run(arguments, &session),
         Command::Identify(arguments) => identify::run(arguments, &session),
         Command::Explain(arguments) => explain::run(arguments, &session),
+        Command::Compare(arguments) => compare::run(arguments, &session),
+        Command::Init(arguments) => init::run(arguments, &session),
         Command::Convert(arguments) => convert::run(arguments, &session),
         Command::Campaign(arguments) => campaign::run(arguments, &session),
         Command::Calibrate(arguments) => calibrate::run(arguments, &session),

@@ -65,6 +65,9 @@ impl Session {
         output::protect(path);
         let file = CaseFile::read_with(path, self.leniency)?;
         output::protect(&file.table_path());
+        if let Some(table) = file.simulation_path() {
+            output::protect(&table);
+        }
         Ok(file)
     }
 

@@ -60,6 +60,14 @@ pub fn coefficient_names(dimension: Dimension) -> [CoefficientNames; 5] {
             names("K", "velocity random walk", "m/s/sqrt(s)", "m/s/sqrt(h)", ROOT_HOUR),
             names("R", "velocity ramp", "m/s^2", "m/s/h", HOUR),
         ],
+        // Of the sensor's own unit, which is free text.
+        Dimension::Other => [
+            names("Q", "quantisation", "unit*s", "unit*s", 1.0),
+            names("N", "random walk of the integral", "unit*sqrt(s)", "unit*sqrt(s)", 1.0),
+            names("B", "bias instability", "unit", "unit", 1.0),
+            names("K", "random walk", "unit/sqrt(s)", "unit/sqrt(s)", 1.0),
+            names("R", "ramp", "unit/s", "unit/s", 1.0),
+        ],
     }
 }
 

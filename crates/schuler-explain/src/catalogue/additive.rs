@@ -199,5 +199,8 @@ fn schuler_rate(inputs: &Inputs<'_>) -> f64 {
 /// Whether a constant error can be seen: against a known input, against other sensors, or in the loop.
 fn has_known_zero(inputs: &Inputs<'_>, place: &Place) -> bool {
     let others = || (inputs.places.iter()).filter(|other| other.dimension() == place.dimension()).count() > 1;
-    inputs.is_loop() || (place.input.is_some() && (!inputs.motion.estimated || others()))
+    // One of any kind that is not relative has a level that the case states.
+    inputs.is_loop()
+        || place.kind == SensorKind::Other
+        || (place.input.is_some() && (!place.is_estimated || others()))
 }

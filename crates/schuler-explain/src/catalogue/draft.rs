@@ -69,6 +69,7 @@ impl Plausible {
             Dimension::AngularRate => (self.gyro, Unit::DegreePerHour),
             Dimension::Acceleration => (self.accelerometer, Unit::MicroG),
             Dimension::Velocity => (self.velocity, Unit::MetrePerSecond),
+            Dimension::Other => return None,
         };
         range.map(|range| widened(place, range.map(|value| value * unit.in_si() / place.unit.in_si())))
     }
@@ -98,6 +99,11 @@ pub(super) fn coefficient(place: &Place, per: Per, plausible: Plausible) -> Ampl
 /// An amplitude whose unit does not depend on the sensor's, e.g. ppm, with the plausible range in that unit.
 pub(super) fn number(name: &str, unit: &str, in_unit: f64, plausible: Option<[f64; 2]>) -> Amplitude {
     Amplitude { name: name.to_owned(), unit: unit.to_owned(), in_unit, plausible }
+}
+
+/// A unit to a power: `V^3`, `(rad/s)^2`.
+pub(super) fn to_the(unit: &str, power: usize) -> String {
+    if unit.contains(['/', ' ', '^']) { format!("({unit})^{power}") } else { format!("{unit}^{power}") }
 }
 
 /// The amplitude `coefficient` in ppm.

@@ -6,7 +6,7 @@ use super::draft::{
     Draft, G_SQUARED, GAUSS, ITSELF, KILOPASCAL, MILLIRADIAN, Per, Plausible, VOLT, any, at_each_place,
     coefficient, gyros, inertial, time_constant, tuned_gyros,
 };
-use super::{Amplitude, Candidate, Effect, Port};
+use super::{Amplitude, Candidate, Effect, Port, general};
 use crate::inputs::motion::of_rows;
 use crate::inputs::series::{lagged, map, mean, product, varies};
 use crate::inputs::{AuxiliaryInput, Inputs, Place, Series};
@@ -134,7 +134,7 @@ pub(super) const VIBRATION_RECTIFICATION: Effect = Effect {
 
 pub(super) const BIAS_ON_AUX: Effect = Effect {
     id: "bias_on_aux",
-    formula: "k·(any other recorded quantity), at once or after a lag τ",
+    formula: "k·(any other recorded quantity), at once or after a lag τ; on a sensor of kind other k·f of recorded quantities",
     sentence: "follows another recorded quantity",
     needs: "that quantity varies",
     separated_by: "vary that quantity alone",
@@ -171,21 +171,26 @@ pub(super) const BIAS_ON_AUX: Effect = Effect {
                     drafts.push(of_column(late.with_free_reference(place, constant), column, smoothed));
                 }
             }
+            drafts.extend(general::functions(inputs, place));
             drafts
         })
     },
 };
 
 /// The recorded quantities that vary and sit at the place, at its group, or nowhere in particular.
-fn near<'i>(inputs: &'i Inputs<'_>, place: &'i Place) -> impl Iterator<Item = &'i AuxiliaryInput> {
+pub(super) fn near<'i>(inputs: &'i Inputs<'_>, place: &'i Place) -> impl Iterator<Item = &'i AuxiliaryInput> {
     let id = inputs.recording.sensors[place.sensor].sensor.id.as_str();
     let is_name = move |near: &str| near == id || near == place.name || place.group.as_deref() == Some(near);
     let is_sensors = move |near: &str| {
         (inputs.recording.sensors.iter())
             .any(|series| series.sensor.id == near || series.sensor.group.as_deref() == Some(near))
     };
+    // What a sensor reads is no cause of it.
+    let own = inputs.recording.sensors[place.sensor].sensor.column.as_str();
     inputs.auxiliaries.iter().filter(move |auxiliary| {
-        auxiliary.varies && auxiliary.near.as_deref().is_none_or(|near| is_name(near) || !is_sensors(near))
+        auxiliary.column != own
+            && auxiliary.varies
+            && auxiliary.near.as_deref().is_none_or(|near| is_name(near) || !is_sensors(near))
     })
 }
 
@@ -233,13 +238,13 @@ fn centred(place: &Place, auxiliary: &AuxiliaryInput, amplitude: Amplitude) -> D
 }
 
 /// A dependence on a recorded column, as it is read or smoothed.
-fn of_column(draft: Draft, column: &str, smoothed: bool) -> Draft {
+pub(super) fn of_column(draft: Draft, column: &str, smoothed: bool) -> Draft {
     let draft = draft.with("column", column);
     if smoothed { draft.with("readings", "smoothed") } else { draft }
 }
 
 /// Unit of a coefficient on a quantity whose unit is not one of the catalogue's.
-fn per(place: &Place, unit: &str) -> String {
+pub(super) fn per(place: &Place, unit: &str) -> String {
     let name = place.unit.name();
     match unit {
         "" => name.to_owned(),

@@ -3,9 +3,9 @@ use nalgebra::Vector3;
 use schuler_recording::unit::Dimension;
 
 use super::draft::{
-    Draft, G_CUBED, G_SQUARED, Instrument, Per, Plausible, RADIAN_IN_ARCSECONDS, RATE_CUBED, RATE_SQUARED,
+    Draft, G_CUBED, G_SQUARED, Instrument, Plausible, RADIAN_IN_ARCSECONDS, RATE_CUBED, RATE_SQUARED,
     VELOCITY_CUBED, VELOCITY_SQUARED, accelerometers, any, arcseconds, at_each_place, coefficient,
-    instruments, logarithmic, number, ppm, seen,
+    instruments, logarithmic, number, ppm, seen, to_the,
 };
 use super::{Column, Effect, Nonlinear, Search, Signature, Target};
 use crate::inputs::series::{both_signs, map, product, varies};
@@ -45,6 +45,7 @@ pub(super) const SCALE_FACTOR: Effect = Effect {
         // One factor for all sensors of an instrument that measure the same: of a clock, of the speed of sound.
         for instrument in instruments(effect, inputs, |place| varying(place).is_some()) {
             let Target::Group { name, .. } = &instrument.target else { continue };
+            // Sensors in units of free text have no factor in common.
             for dimension in [Dimension::AngularRate, Dimension::Acceleration, Dimension::Velocity] {
                 let places: Vec<&&Place> =
                     instrument.places.iter().filter(|place| place.dimension() == dimension).collect();
@@ -86,7 +87,7 @@ pub(super) const SCALE_FACTOR_QUADRATIC: Effect = Effect {
     candidates: |effect, inputs| {
         of_input(effect, inputs, amplitude_varies, |place, input| {
             let plausible = Plausible::accelerometer([1.0, 20.0]);
-            (map(input, |u| u * u), coefficient(place, squared(place), plausible))
+            (map(input, |u| u * u), of_power(place, 2, plausible))
         })
     },
 };
@@ -101,8 +102,7 @@ pub(super) const SCALE_FACTOR_CUBIC: Effect = Effect {
     acts_on: any,
     candidates: |effect, inputs| {
         of_input(effect, inputs, amplitude_varies, |place, input| {
-            let per = of_kind(place, [RATE_CUBED, G_CUBED, VELOCITY_CUBED]);
-            (map(input, |u| u * u * u), coefficient(place, per, Plausible::accelerometer([0.1, 10.0])))
+            (map(input, |u| u * u * u), of_power(place, 3, Plausible::accelerometer([0.1, 10.0])))
         })
     },
 };
@@ -119,7 +119,7 @@ pub(super) const SCALE_FACTOR_ODD_QUADRATIC: Effect = Effect {
         let has = |input: &[f64]| amplitude_varies(input) && both_signs(input);
         of_input(effect, inputs, has, |place, input| {
             let plausible = Plausible::accelerometer([1.0, 20.0]);
-            (map(input, |u| u * u.abs()), coefficient(place, squared(place), plausible))
+            (map(input, |u| u * u.abs()), of_power(place, 2, plausible))
         })
     },
 };
@@ -195,11 +195,9 @@ pub(super) const DEAD_ZONE: Effect = Effect {
 /// An input that is clipped at a limit on either side, at every place where it is known. Where the sensors themselves tell of the motion, what
 /// one does not show is not there either.
 pub(super) fn clipped_inputs(effect: &'static Effect, inputs: &Inputs<'_>) -> Vec<super::Candidate> {
-    if inputs.motion.estimated {
-        return Vec::new();
-    }
     at_each_place(effect, inputs, |place| {
-        let Some(input) = varying(place).cloned() else { return Vec::new() };
+        let known = varying(place).filter(|_| !place.is_estimated).cloned();
+        let Some(input) = known else { return Vec::new() };
         let mut grid = limits(&input);
         // Of a few readings that pass it the limit is known within their noise, which may be little beside what lies between two inputs.
         grid.extend(level_at_largest(inputs, place, &input));
@@ -215,7 +213,7 @@ pub(super) fn clipped_inputs(effect: &'static Effect, inputs: &Inputs<'_>) -> Ve
 
 /// A parameter that is a value of the input.
 fn of_input_value(place: &Place, name: &'static str, grid: Vec<f64>) -> Nonlinear {
-    Nonlinear { name, unit: place.dimension().si_unit().name(), grid }
+    Nonlinear { name, unit: place.unit.si().name(), grid }
 }
 
 /// What the sensor reads at its largest input, where that is less.
@@ -285,16 +283,21 @@ fn amplitude_varies(input: &[f64]) -> bool {
     varies(&map(input, f64::abs))
 }
 
-fn squared(place: &Place) -> Per {
-    of_kind(place, [RATE_SQUARED, G_SQUARED, VELOCITY_SQUARED])
-}
-
-/// The one of the three that is for the place's rate, specific force or velocity.
-fn of_kind(place: &Place, [rate, force, velocity]: [Per; 3]) -> Per {
+/// The coefficient of the square or the cube of a place's input.
+fn of_power(place: &Place, power: usize, plausible: Plausible) -> super::Amplitude {
+    let [rate, force, velocity] = if power == 2 {
+        [RATE_SQUARED, G_SQUARED, VELOCITY_SQUARED]
+    } else {
+        [RATE_CUBED, G_CUBED, VELOCITY_CUBED]
+    };
     match place.kind.dimension() {
-        Dimension::AngularRate => rate,
-        Dimension::Acceleration => force,
-        Dimension::Velocity => velocity,
+        Dimension::AngularRate => coefficient(place, rate, plausible),
+        Dimension::Acceleration => coefficient(place, force, plausible),
+        Dimension::Velocity => coefficient(place, velocity, plausible),
+        Dimension::Other => {
+            let unit = place.unit.name();
+            number("coefficient", &format!("{unit}/{}", to_the(unit, power)), 1.0, None)
+        }
     }
 }
 

@@ -17,7 +17,7 @@ use crate::inputs::{Inputs, Place, Series};
 const LEAST_S: f64 = 1e-5;
 /// The same, whatever shows: no clock is better.
 const LEAST_OF_ALL_S: f64 = 1e-9;
-/// Largest delay of inertial sensors and of velocities, whose message may wait its turn on a line or under water. Radio comes up to 2 s
+/// Largest delay of inertial sensors, and of velocities and sensors of any kind, whose message may wait its turn on a line or under water. Radio comes up to 2 s
 /// late as a rule; a search that ended there would call what comes later a lag, and then another one. Where rows are further apart, a row.
 const MOST_DELAY_S: [f64; 2] = [2.0, 10.0];
 /// Points in a decade of delays or lags.
@@ -41,12 +41,13 @@ pub(super) const TIME_DELAY: Effect = Effect {
             return Vec::new();
         }
         let grid = |place: &Place| -> Vec<f64> {
-            let most = MOST_DELAY_S[usize::from(place.dimension() == Dimension::Velocity)];
+            let slow = matches!(place.dimension(), Dimension::Velocity | Dimension::Other);
+            let most = MOST_DELAY_S[usize::from(slow)];
             let most = most.max(inputs.recording.step_s);
             let late = searched(inputs, place, most.min(longest_s));
             // The reference can be the late one; a gyro in a loop has none, and where sensors are each other's reference that is a delay of
             // another.
-            if place.port == Port::Output && !inputs.motion.estimated {
+            if place.port == Port::Output && !place.is_estimated {
                 late.iter().rev().map(|delay| -delay).chain(late.iter().copied()).collect()
             } else {
                 late

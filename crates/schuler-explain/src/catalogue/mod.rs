@@ -5,6 +5,7 @@
 //! | `additive` | what time alone makes: constants, steps, drifts, warm-up, lines |
 //! | `thermal` | temperature, its rate, difference and history |
 //! | `environment` | supply, field, pressure, vibration, pick-off, any recorded quantity |
+//! | `general` | functions of recorded quantities, for sensors of any kind |
 //! | `input` | scale factor and its non-linearity, misalignment, cross coupling, dead zone |
 //! | `g_sensitivity` | drift of gyros with specific force and its products |
 //! | `rotation` | rates and forces other than the sensor's own input, and their past |
@@ -20,6 +21,7 @@ mod effect;
 mod environment;
 mod failures;
 mod g_sensitivity;
+mod general;
 mod gravity;
 mod input;
 mod instrument;

@@ -122,6 +122,8 @@ pub(super) const UNIT_MISTAKEN: Effect = Effect {
                 Dimension::AngularRate => MISTAKEN_RATES,
                 Dimension::Acceleration => MISTAKEN_ACCELERATIONS,
                 Dimension::Velocity => MISTAKEN_VELOCITIES,
+                // Of a unit in free text nobody knows what it is mistaken for.
+                Dimension::Other => continue,
             };
             for (factor, name) in factors {
                 let off =

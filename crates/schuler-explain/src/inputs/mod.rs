@@ -218,7 +218,7 @@ impl<'r> Inputs<'r> {
     pub fn new(recording: &'r Recording) -> Self {
         let time_s: Series = recording.elapsed_s().collect();
         let motion = BodyMotion::new(recording, &time_s);
-        let places = place::places(recording, &motion);
+        let places = place::places(recording, &motion, &time_s);
         let thermometers = (recording.auxiliaries.par_iter())
             .filter(|series| series.auxiliary.quantity == Quantity::Temperature)
             .filter_map(|series| {

@@ -141,6 +141,11 @@ impl BodyMotion {
     }
 
     fn of_sensors(recording: &Recording, time_s: &[f64]) -> Self {
+        let dimensions = [Dimension::AngularRate, Dimension::Acceleration, Dimension::Velocity];
+        let is_checked = |series| dimensions.iter().any(|&it| redundant::is_checked(series, it));
+        if !recording.sensors.iter().any(is_checked) {
+            return Self { estimated: true, ..Self::default() };
+        }
         let told = redundant::noise_told(recording);
         let estimate = |dimension| {
             let columns = redundant::estimate(recording, time_s, dimension, &told)?;

@@ -6,7 +6,7 @@ use schuler_recording::unit::{Dimension, Unit};
 
 use super::motion::{BodyMotion, along};
 use super::redundant::axis_of;
-use super::series::Series;
+use super::series::{Series, bridged};
 use crate::catalogue::Port;
 
 /// The name of a Schuler loop's output.
@@ -33,8 +33,11 @@ pub struct Place {
     pub micromechanical: bool,
     /// Its axes in body axes.
     pub axes: Axes,
-    /// Its true input along its axis, SI unit of the port; none where the motion is not known.
+    /// Its true input along its axis, SI unit of the port: what the user's simulator says that it reads, else that of the motion; none where
+    /// neither is known.
     pub input: Option<Series>,
+    /// Whether its input was estimated from the sensors that are to be explained.
+    pub is_estimated: bool,
 }
 
 /// Axes of a sensor in body axes, of unit length, at right angles.
@@ -86,7 +89,7 @@ impl Place {
 }
 
 /// The places of a recording.
-pub fn places(recording: &Recording, motion: &BodyMotion) -> Vec<Place> {
+pub fn places(recording: &Recording, motion: &BodyMotion, time_s: &[f64]) -> Vec<Place> {
     let micromechanical = recording.sensors.iter().any(|series| series.sensor.kind == SensorKind::MemsGyro)
         && !(recording.sensors.iter())
             .any(|series| matches!(series.sensor.kind, SensorKind::Dtg | SensorKind::Fog | SensorKind::Rlg));
@@ -106,6 +109,7 @@ pub fn places(recording: &Recording, motion: &BodyMotion) -> Vec<Place> {
                 || (micromechanical && kind == SensorKind::Accelerometer),
             axes,
             input: vectors_of(motion, unit.dimension()).map(|vectors| along(&axes.input, vectors).into()),
+            is_estimated: motion.estimated,
         };
         let velocity_error = recording.case.motion.kind == MotionKind::VelocityError;
         if velocity_error && sensor.kind == SensorKind::InsVelocity {
@@ -120,6 +124,9 @@ pub fn places(recording: &Recording, motion: &BodyMotion) -> Vec<Place> {
             if sensor.axis.is_none() && !motion.estimated {
                 place.input = None;
             }
+            if let Some(predicted) = &series.predicted {
+                (place.input, place.is_estimated) = (bridged(time_s, predicted), false);
+            }
             places.push(place);
         }
     }
@@ -132,5 +139,6 @@ pub fn vectors_of(motion: &BodyMotion, dimension: Dimension) -> Option<&super::m
         Dimension::AngularRate => motion.rate.as_ref(),
         Dimension::Acceleration => motion.force.as_ref(),
         Dimension::Velocity => motion.velocity.as_ref(),
+        Dimension::Other => None,
     }
 }

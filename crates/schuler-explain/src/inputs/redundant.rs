@@ -17,6 +17,7 @@ use std::sync::Arc;
 use nalgebra::{Matrix3xX, MatrixXx3, Vector3};
 use schuler_recording::Recording;
 use schuler_recording::case::Sensor;
+use schuler_recording::recording::SensorSeries;
 use schuler_recording::unit::Dimension;
 
 use super::series::range;
@@ -72,11 +73,10 @@ pub fn estimate(
     known: &[KnownNoise],
 ) -> Option<[Vec<f64>; 3]> {
     let known: Vec<Option<&KnownNoise>> = (recording.sensors.iter().enumerate())
-        .filter(|(_, series)| series.sensor.kind.dimension() == dimension)
+        .filter(|(_, series)| is_checked(series, dimension))
         .map(|(index, _)| known.iter().find(|known| known.sensor == index))
         .collect();
-    let sensors: Vec<_> =
-        recording.sensors.iter().filter(|series| series.sensor.kind.dimension() == dimension).collect();
+    let sensors: Vec<_> = recording.sensors.iter().filter(|series| is_checked(series, dimension)).collect();
     if sensors.is_empty() {
         return None;
     }
@@ -124,6 +124,11 @@ pub fn estimate(
         smoothed(time_s, column, variances);
     }
     Some(columns)
+}
+
+/// Whether a sensor measures the given dimension and nothing but others like it says what it should read.
+pub fn is_checked(series: &SensorSeries, dimension: Dimension) -> bool {
+    series.sensor.kind.dimension() == dimension && series.predicted.is_none()
 }
 
 /// Takes white noise of known variance out of a series, as far as the series itself changes less from row to row.

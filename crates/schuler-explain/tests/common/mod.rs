@@ -17,6 +17,8 @@ pub fn series(
             id: id.to_owned(),
             kind,
             column: id.to_owned(),
+            predicted: None,
+            predicted_unit: None,
             unit,
             axis: Some(axis),
             group: None,
@@ -27,6 +29,7 @@ pub fn series(
         },
         written_unit: unit,
         values,
+        predicted: None,
         quality: Quality::default(),
     }
 }
@@ -44,6 +47,7 @@ pub fn recording(motion: MotionKind, sensors: Vec<SensorSeries>) -> Recording {
                 ..Source::default()
             },
             site: None,
+            simulation: None,
             motion: Motion { kind: motion, ..Motion::default() },
             schuler_loop: None,
             sensors: sensors.iter().map(|series| series.sensor.clone()).collect(),

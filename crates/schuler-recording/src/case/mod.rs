@@ -4,12 +4,17 @@
 //! Keys that a file may leave out have the defaults of [`Default`]. The part about calibration runs is described in
 //! [`calibration`].
 pub mod calibration;
+mod motion;
 mod read;
+mod simulation;
 mod write;
 
 use std::path::{Path, PathBuf};
 
 use serde::{Serialize, Serializer};
+
+pub use motion::{Attitude, Motion, MotionKind};
+pub use simulation::{Clock, Covers, Simulation};
 
 use crate::document::Lines;
 use crate::error::Error;
@@ -41,6 +46,12 @@ impl CaseFile {
         self.path.parent().unwrap_or(Path::new("")).join(&self.case.recording.path)
     }
 
+    /// Path of the simulation's own table, if it has one: the case's, relative to the case's file.
+    pub fn simulation_path(&self) -> Option<PathBuf> {
+        let table = self.case.simulation.as_ref()?.table.as_ref()?;
+        Some(self.path.parent().unwrap_or(Path::new("")).join(&table.path))
+    }
+
     /// Opens the table.
     ///
     /// # Errors
@@ -60,6 +71,9 @@ pub struct Case {
     /// Where on the Earth; needed where its rotation or gravity enters.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub site: Option<Site>,
+    /// What the user's own simulator says of sensors.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub simulation: Option<Simulation>,
     /// What the body really did, as far as the user knows.
     pub motion: Motion,
     /// Nominal model of the Schuler loop; for velocity-error cases.
@@ -84,16 +98,19 @@ impl Case {
 }
 
 impl Case {
-    /// The columns of the table that the case names, each once; the time first.
+    /// The columns of the table that the case names, each once; the time first. Where the simulation has a table of its own,
+    /// neither the predictions, which are in that, nor the motion, of which only reading it tells in which it is.
     pub fn columns(&self) -> Vec<&str> {
         let mut columns = vec![self.recording.time.as_str()];
         columns.extend(self.sensors.iter().map(|sensor| sensor.column.as_str()));
+        let own_table = self.simulation.as_ref().is_some_and(|simulation| simulation.table.is_some());
+        if !own_table {
+            columns.extend(self.sensors.iter().filter_map(|sensor| sensor.predicted.as_deref()));
+        }
         columns.extend(self.auxiliaries.iter().map(|auxiliary| auxiliary.column.as_str()));
         let dependences = self.sensors.iter().filter_map(|sensor| sensor.nominal.temperature_bias.as_ref());
         columns.extend(dependences.map(|dependence| dependence.column.as_str()));
-        let Motion { rate, specific_force, velocity_ned, attitude_rad, .. } = &self.motion;
-        let motion = [rate, specific_force, velocity_ned, attitude_rad].into_iter().flatten().flatten();
-        columns.extend(motion.map(String::as_str));
+        columns.extend(self.motion.columns().filter(|_| !own_table));
         columns.extend(self.table().map(|table| table.column.as_str()));
         let mut seen = std::collections::HashSet::new();
         columns.retain(|column| seen.insert(*column));
@@ -181,63 +198,6 @@ pub struct Site {
     pub altitude_m: f64,
 }
 
-/// What the body did.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Motion {
-    /// How much of it is known.
-    pub kind: MotionKind,
-    /// Attitude of a body at rest.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub attitude_deg: Option<Attitude>,
-    /// Columns of the body's inertial rate in body axes, rad/s.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub rate: Option<[String; 3]>,
-    /// Columns of the specific force in body axes, m/s².
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub specific_force: Option<[String; 3]>,
-    /// Columns of the velocity north, east, down, m/s.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub velocity_ned: Option<[String; 3]>,
-    /// Columns of roll, pitch and yaw (body from NED, 3-2-1), rad.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub attitude_rad: Option<[String; 3]>,
-}
-
-/// How much of the body's motion is known.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum MotionKind {
-    /// At rest on the Earth, at a known attitude.
-    Static,
-    /// Recorded in columns of the table.
-    Recorded,
-    /// Not at all; sensors with redundant axes are checked against each other.
-    #[default]
-    Unknown,
-    /// One sensor records the velocity error of a Schuler loop.
-    VelocityError,
-}
-
-impl MotionKind {
-    /// Every kind under its name in the case file.
-    pub const NAMES: [(&'static str, MotionKind); 4] = [
-        ("static", MotionKind::Static),
-        ("recorded", MotionKind::Recorded),
-        ("unknown", MotionKind::Unknown),
-        ("velocity_error", MotionKind::VelocityError),
-    ];
-}
-
-/// Attitude of the body from north-east-down, 3-2-1, degrees.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Attitude {
-    /// Roll.
-    pub roll: f64,
-    /// Pitch.
-    pub pitch: f64,
-    /// Heading.
-    pub heading: f64,
-}
-
 /// A sensor and what the simulation believes about it, in its own unit.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Sensor {
@@ -247,6 +207,13 @@ pub struct Sensor {
     pub kind: SensorKind,
     /// Its column.
     pub column: String,
+    /// Column of what the user's simulator says that it reads: of the simulation's table, or of the
+    /// recording's where that has none of its own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub predicted: Option<String>,
+    /// Unit of the prediction where it is another one of the same dimension.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub predicted_unit: Option<Unit>,
     /// Unit of the column and of the nominal values.
     pub unit: Unit,
     /// Sensitive axis in body axes, of unit length.
@@ -285,11 +252,13 @@ pub enum SensorKind {
     InsVelocity,
     /// Velocity of a satellite receiver.
     GnssVelocity,
+    /// Anything else, in a unit of free text: pressure, torque, current, position.
+    Other,
 }
 
 impl SensorKind {
     /// Every kind under its name in the case file.
-    pub const NAMES: [(&'static str, SensorKind); 8] = [
+    pub const NAMES: [(&'static str, SensorKind); 9] = [
         ("dtg", SensorKind::Dtg),
         ("fog", SensorKind::Fog),
         ("rlg", SensorKind::Rlg),
@@ -298,6 +267,7 @@ impl SensorKind {
         ("doppler", SensorKind::Doppler),
         ("ins_velocity", SensorKind::InsVelocity),
         ("gnss_velocity", SensorKind::GnssVelocity),
+        ("other", SensorKind::Other),
     ];
 
     /// What it measures.
@@ -306,6 +276,7 @@ impl SensorKind {
             Self::Dtg | Self::Fog | Self::Rlg | Self::MemsGyro => Dimension::AngularRate,
             Self::Accelerometer => Dimension::Acceleration,
             Self::Doppler | Self::InsVelocity | Self::GnssVelocity => Dimension::Velocity,
+            Self::Other => Dimension::Other,
         }
     }
 }
@@ -542,7 +513,7 @@ macro_rules! named_in_the_file {
     )*};
 }
 
-named_in_the_file!(TimeUnit, Duplicates, MotionKind, SensorKind, Quantity);
+named_in_the_file!(TimeUnit, Duplicates, MotionKind, SensorKind, Quantity, Clock, Covers);
 
 #[cfg(test)]
 mod tests {

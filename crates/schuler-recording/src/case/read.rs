@@ -9,10 +9,12 @@ use crate::document::{Field, Node, Parsed, parse_with, suggestion};
 use crate::error::Error;
 use crate::file;
 use crate::leniency::Leniency;
-use crate::unit::Unit;
+use crate::unit::{Dimension, Unit};
 
 /// How far the length of an axis may be from 1 before it is worth a word.
 const UNIT_LENGTH_TOLERANCE: f64 = 1e-3;
+/// What is said of a sensor that needs an axis.
+const NO_AXIS: &str = "missing; expected the sensitive axis in body axes, e.g. [1.0, 0.0, 0.0]";
 /// How far rounding may take the length of an axis that was normalised from 1.
 const ROUNDED_LENGTH: f64 = 4.0 * f64::EPSILON;
 
@@ -58,6 +60,7 @@ fn case(node: &Node<'_>) -> Option<Case> {
     let title = optional(node, "title", Field::any_text);
     let recording = node.required("recording", "a table [recording]").and_then(|field| field.table(source));
     let site = optional(node, "site", |field| field.table(site));
+    let simulation = optional(node, "simulation", |field| field.table(super::simulation::simulation));
     let motion = optional(node, "motion", |field| field.table(motion));
     let schuler_loop = optional(node, "loop", |field| field.table(schuler_loop));
     let calibration = optional(node, "calibration", |field| field.table(super::calibration::calibration));
@@ -68,6 +71,7 @@ fn case(node: &Node<'_>) -> Option<Case> {
         title: title?.unwrap_or_default(),
         recording: recording?,
         site: site?,
+        simulation: simulation?,
         motion: motion?.unwrap_or_default(),
         schuler_loop: schuler_loop?,
         sensors: sensors?,
@@ -117,6 +121,7 @@ fn agrees_with_itself(node: &Node<'_>, case: Case) -> Option<Case> {
             None => node.warn_at(&path, &found),
         }
     }
+    simulation_is_used(node, &case)?;
     if case.motion.kind == MotionKind::VelocityError {
         let velocities = case.sensors.iter().filter(|sensor| sensor.kind == SensorKind::InsVelocity).count();
         if velocities != 1 {
@@ -133,6 +138,32 @@ fn agrees_with_itself(node: &Node<'_>, case: Case) -> Option<Case> {
         }
     }
     Some(case)
+}
+
+/// A simulation and what it predicts belong together, and a sensor whose motion is known needs its axis all the same.
+fn simulation_is_used(node: &Node<'_>, case: &Case) -> Option<()> {
+    let predicted = |sensor: &Sensor| sensor.predicted.is_some();
+    if case.simulation.is_some() && !case.sensors.iter().any(predicted) {
+        let found =
+            "found no sensor with `predicted`; expected a [[sensor]] that names the simulator's column";
+        return node.problem_at("simulation", found);
+    }
+    if case.motion.kind == MotionKind::VelocityError
+        && let Some(index) = case.sensors.iter().position(predicted)
+    {
+        let found = "found in a case whose motion.kind is \"velocity_error\"; expected another kind, as the loop predicts";
+        return node.problem_at(&format!("sensor[{index}].predicted"), found);
+    }
+    let lacks_axis = |sensor: &Sensor| {
+        sensor.axis.is_none()
+            && matches!(sensor.kind.dimension(), Dimension::AngularRate | Dimension::Acceleration)
+    };
+    if case.motion.kind != MotionKind::Unknown
+        && let Some(index) = case.sensors.iter().position(lacks_axis)
+    {
+        return node.problem_at(&format!("sensor[{index}].axis"), NO_AXIS);
+    }
+    Some(())
 }
 
 fn format_is_known(field: &Field<'_>) -> Option<()> {
@@ -211,9 +242,11 @@ fn sensor(node: &Node<'_>) -> Option<Sensor> {
         .required("kind", "the kind of sensor, e.g. \"mems_gyro\"")
         .and_then(|field| field.one_of(&SensorKind::NAMES));
     let column = node.required("column", "the name of the sensor's column").and_then(|field| field.text());
+    let predicted = optional(node, "predicted", Field::text);
     let unit = node
         .required("unit", "the unit of the column, e.g. \"deg/h\"")
         .and_then(|field| unit_of(&field, kind));
+    let predicted_unit = optional(node, "predicted_unit", |field| unit_of(field, kind));
     let axis = optional(node, "axis", direction);
     let group = optional(node, "group", Field::text);
     let spin_axis = optional(node, "spin_axis", direction);
@@ -224,6 +257,8 @@ fn sensor(node: &Node<'_>) -> Option<Sensor> {
         id: id?,
         kind: kind?,
         column: column?,
+        predicted: predicted?,
+        predicted_unit: predicted_unit?,
         unit: unit?,
         axis: axis?,
         group: group?,
@@ -232,15 +267,18 @@ fn sensor(node: &Node<'_>) -> Option<Sensor> {
         relative: relative?.unwrap_or_default(),
         nominal: nominal?.unwrap_or_default(),
     };
-    let needs_axis = !matches!(sensor.kind, SensorKind::InsVelocity | SensorKind::GnssVelocity);
-    if needs_axis && sensor.axis.is_none() {
-        let expected = "missing; expected the sensitive axis in body axes, e.g. [1.0, 0.0, 0.0]";
-        return node.problem_at("axis", expected);
+    let needs_axis =
+        !matches!(sensor.kind, SensorKind::InsVelocity | SensorKind::GnssVelocity | SensorKind::Other);
+    if needs_axis && sensor.predicted.is_none() && sensor.axis.is_none() {
+        return node.problem_at("axis", NO_AXIS);
     }
     Some(sensor)
 }
 
 fn unit_of(field: &Field<'_>, kind: Option<SensorKind>) -> Option<Unit> {
+    if kind == Some(SensorKind::Other) {
+        return field.any_text().map(|text| Unit::free(&text));
+    }
     let unit = field.one_of(&Unit::NAMES)?;
     let Some(kind) = kind else { return Some(unit) };
     if unit.dimension() == kind.dimension() {

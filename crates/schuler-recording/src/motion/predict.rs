@@ -29,6 +29,9 @@ impl Prediction {
 /// What a prediction lacks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unpredictable {
+    /// Nothing but a simulator predicts what is in a unit of free text.
+    #[error("a sensor of kind \"other\" needs `predicted`")]
+    Other,
     /// The motion is unknown.
     #[error("the motion is unknown")]
     Motion,
@@ -48,19 +51,30 @@ pub enum Unpredictable {
 
 /// The output of `sensor` on the body of `recording`, had it no errors.
 ///
+/// What a simulator predicts of a sensor of the recording comes before what the motion does.
+///
 /// A sensor that is read against an unknown constant (`relative`) is predicted as 0 where the motion makes its output
 /// constant. In a velocity-error case the velocity of the inertial system is an error, whose prediction is 0.
 ///
 /// # Errors
 /// What the case would have to give for a prediction.
 pub fn predict(recording: &Recording, sensor: &Sensor) -> Result<Prediction, Unpredictable> {
+    if let Some(predicted) = predicted_by_simulator(recording, sensor) {
+        return Ok(Prediction::Series(predicted.to_vec()));
+    }
     match recording.case.motion.kind {
+        _ if sensor.kind == SensorKind::Other => Err(Unpredictable::Other),
         MotionKind::VelocityError if sensor.kind == SensorKind::InsVelocity => Ok(Prediction::Constant(0.0)),
         MotionKind::Unknown | MotionKind::VelocityError => Err(Unpredictable::Motion),
         MotionKind::Static if sensor.relative => Ok(Prediction::Constant(0.0)),
         MotionKind::Static => at_rest(recording, sensor).map(Prediction::Constant),
         MotionKind::Recorded => moving(recording, sensor).map(Prediction::Series),
     }
+}
+
+/// What the user's simulator says that a sensor of the recording reads, in its SI unit.
+fn predicted_by_simulator<'r>(recording: &'r Recording, sensor: &Sensor) -> Option<&'r [f64]> {
+    recording.sensor(&sensor.id)?.predicted.as_deref()
 }
 
 fn at_rest(recording: &Recording, sensor: &Sensor) -> Result<f64, Unpredictable> {
@@ -119,6 +133,7 @@ fn moving(recording: &Recording, sensor: &Sensor) -> Result<Vec<f64>, Unpredicta
             });
             Ok(along(&axis, &body))
         }
+        Dimension::Other => Err(Unpredictable::Other),
     }
 }
 

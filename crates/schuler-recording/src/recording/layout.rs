@@ -16,6 +16,8 @@ pub(super) struct Layout {
     /// What warnings call each column.
     names: Vec<String>,
     sensors: Vec<usize>,
+    /// What a simulator predicts of each sensor, where that is in this table.
+    predicted: Vec<Option<usize>>,
     auxiliaries: Vec<(Auxiliary, usize)>,
     rate: Option<[usize; 3]>,
     specific_force: Option<[usize; 3]>,
@@ -34,17 +36,29 @@ pub(super) struct Rows {
 }
 
 impl Layout {
-    /// Looks for the columns of a case in its table.
+    /// Looks for the columns of a case in its table, but for what comes from the simulator's own table: predictions, and the motion in columns
+    /// of which `simulated` says that they are there.
     ///
     /// # Errors
     /// Those that it lacks.
-    pub(super) fn new(file: &CaseFile, table: &dyn TableReader) -> Result<Self, Error> {
+    pub(super) fn new(
+        file: &CaseFile,
+        table: &dyn TableReader,
+        simulated: impl Fn(&str) -> bool,
+    ) -> Result<Self, Error> {
         let mut wanted = Wanted { file, table, indices: Vec::new(), names: Vec::new(), problems: Vec::new() };
         let case = &file.case;
         // First: of a log it decides what the rows are.
         let time = wanted.column(&case.recording.time, "recording.time");
         let sensors = (case.sensors.iter().enumerate())
             .map(|(index, it)| wanted.column(&it.column, &format!("sensor[{index}].column")))
+            .collect();
+        let in_table = case.simulation.as_ref().is_none_or(|simulation| simulation.table.is_none());
+        let predicted = (case.sensors.iter().enumerate())
+            .map(|(index, it)| {
+                let column = it.predicted.as_ref().filter(|_| in_table)?;
+                Some(wanted.column(column, &format!("sensor[{index}].predicted")))
+            })
             .collect();
         let auxiliaries = (all_auxiliaries(case).into_iter())
             .map(|(it, path)| {
@@ -53,7 +67,8 @@ impl Layout {
             })
             .collect();
         let mut triple = |columns: &Option<[String; 3]>, key: &str| {
-            let [x, y, z] = columns.as_ref()?;
+            let [x, y, z] =
+                columns.as_ref().filter(|columns| !columns.iter().all(|column| simulated(column)))?;
             let places = [(x, 0), (y, 1), (z, 2)];
             Some(places.map(|(name, axis)| wanted.column(name, &format!("motion.{key}[{axis}]"))))
         };
@@ -72,6 +87,7 @@ impl Layout {
             time,
             names,
             sensors,
+            predicted,
             auxiliaries,
             rate,
             specific_force,
@@ -116,11 +132,13 @@ impl Layout {
         mut values: impl FnMut(usize) -> Vec<f64>,
     ) -> Recording {
         let quality = |place: usize| quality.get(place).copied().unwrap_or_default();
-        let sensors = (case.sensors.iter().zip(&self.sensors))
-            .map(|(sensor, &place)| SensorSeries {
+        let sensors = (case.sensors.iter().zip(&self.sensors).zip(&self.predicted))
+            .map(|((sensor, &place), predicted)| SensorSeries {
                 sensor: sensor.in_si(),
                 written_unit: sensor.unit,
                 values: scaled(values(place), sensor.unit.in_si()),
+                predicted: predicted
+                    .map(|place| scaled(values(place), sensor.predicted_unit.unwrap_or(sensor.unit).in_si())),
                 quality: quality(place),
             })
             .collect();

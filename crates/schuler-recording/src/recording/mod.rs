@@ -7,6 +7,7 @@ mod clock;
 mod even;
 mod grid;
 mod layout;
+mod simulated;
 mod stamps;
 mod stream;
 
@@ -20,7 +21,9 @@ use crate::unit::Unit;
 use grid::Grid;
 pub use grid::{GAP_STEPS, Gap};
 use layout::{Layout, Rows, file_warnings, time_error, time_note};
+use simulated::Simulated;
 use stamps::Timed;
+pub use stamps::unit_of_stamps;
 pub use stream::Stream;
 
 /// A recording, in SI units.
@@ -58,6 +61,8 @@ pub struct SensorSeries {
     pub written_unit: Unit,
     /// Readings in the SI unit of the sensor; NaN = missing.
     pub values: Vec<f64>,
+    /// What the user's simulator says that it reads, SI, on the recording's rows; NaN = missing. None where the case names no `predicted`.
+    pub predicted: Option<Vec<f64>>,
     /// How complete they are.
     pub quality: Quality,
 }
@@ -135,7 +140,9 @@ impl Recording {
         table: Box<dyn TableReader>,
         mut watch: impl FnMut(usize, usize) -> Result<(), E>,
     ) -> Result<Self, E> {
-        let layout = Layout::new(&file, &*table)?;
+        let simulated = Simulated::read(&file)?;
+        let layout =
+            Layout::new(&file, &*table, |column| simulated.as_ref().is_some_and(|it| it.has(column)))?;
         let mut columns = Columns::none(layout.indices.len());
         for chunk in Timed::new(&file, table.chunks(&layout.indices)?, layout.time) {
             columns.append(chunk?);
@@ -162,9 +169,15 @@ impl Recording {
             time_s: std::mem::take(&mut grid.time_s),
             gaps: grid.gaps.clone(),
         };
-        Ok(layout.recording(file.case, rows, &quality, warnings, |place| {
+        let lines = file.lines.clone();
+        let path = file.path.clone();
+        let mut recording = layout.recording(file.case, rows, &quality, warnings, |place| {
             grid.spread(columns.values.get_mut(place).map(std::mem::take).unwrap_or_default())
-        }))
+        });
+        if let Some(simulated) = simulated {
+            simulated.put_beside(&mut recording, &path, &lines)?;
+        }
+        Ok(recording)
     }
 
     /// Number of rows, recorded and put in.

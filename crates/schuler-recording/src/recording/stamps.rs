@@ -207,7 +207,11 @@ fn push(columns: &mut Columns, values: impl Iterator<Item = f64>, line: u64) {
 }
 
 /// The unit of stamps of which nothing is stated, by the name of their column and what they are, and what the user should be told
-/// of it.
+/// of it, where they are not of seconds.
+pub fn unit_of_stamps(column: &str, stamps: &[f64]) -> (TimeUnit, Option<String>) {
+    guessed(column, stamps)
+}
+
 fn guessed(column: &str, stamps: &[f64]) -> (TimeUnit, Option<String>) {
     let seconds = (TimeUnit::Second, None);
     let present: Vec<f64> = stamps.iter().copied().filter(|stamp| stamp.is_finite()).collect();

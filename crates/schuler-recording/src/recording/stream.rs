@@ -7,7 +7,8 @@ use crate::case::CaseFile;
 use crate::error::Error;
 use crate::table::{CHUNK_ROWS, Columns};
 
-/// A recording that is read in order, as often as wanted, in memory that does not grow with its length.
+/// A recording that is read in order, as often as wanted, in memory that does not grow with its length. What is in a simulator's own table is
+/// not in it.
 #[derive(Debug)]
 pub struct Stream {
     file: CaseFile,
@@ -30,7 +31,7 @@ impl Stream {
         mut look: impl FnMut(&Recording) -> Result<(), E>,
     ) -> Result<Self, E> {
         let table = file.open_table()?;
-        let layout = Layout::new(&file, &*table)?;
+        let layout = Layout::new(&file, &*table, |_| false)?;
         let mut survey = Survey::new(&file.case.recording.time, file.case.recording.step_s);
         let mut quality = vec![Quality::default(); layout.indices.len()];
         let mut warnings = file_warnings(&file);

@@ -1,0 +1,210 @@
+//! A table as far as a proposal needs it: time, rate, columns of numbers.
+use std::path::{Path, PathBuf};
+
+use schuler_recording::case::TimeUnit;
+use schuler_recording::recording::unit_of_stamps;
+use schuler_recording::table::{self, TableReader};
+use schuler_recording::{Error, Leniency, Problem};
+
+use super::column::{Guess, What, guess, key};
+
+/// Part of a column's cells that must be numbers.
+const LEAST_NUMBERS: f64 = 0.05;
+/// Names of time, the likeliest first.
+const TIMES: [&str; 14] = [
+    "t",
+    "time",
+    "ts",
+    "timestamp",
+    "times",
+    "tsec",
+    "timesec",
+    "timeseconds",
+    "seconds",
+    "datetime",
+    "stamp",
+    "elapsed",
+    "sampletime",
+    "date",
+];
+/// Rows that are read to learn what a table holds are all of it, but of its columns no more than this many.
+const MOST_COLUMNS: usize = 400;
+
+/// What is known of a table.
+#[derive(Clone, Debug)]
+pub struct Look {
+    /// The file.
+    pub path: PathBuf,
+    /// Name of the time column.
+    pub time: String,
+    /// Unit of its stamps.
+    pub time_unit: TimeUnit,
+    /// First and last time, s.
+    pub span_s: [f64; 2],
+    /// Median distance of rows, s.
+    pub step_s: f64,
+    /// Number of rows.
+    pub rows: usize,
+    /// The columns of numbers that are not constant.
+    pub columns: Vec<Column>,
+    /// What was left out, and why.
+    pub left_out: Vec<String>,
+    /// Whether a row comes with the time of the one before, or an earlier one.
+    pub repeats: bool,
+}
+
+/// A column of numbers.
+#[derive(Clone, Debug)]
+pub struct Column {
+    /// Its name.
+    pub name: String,
+    /// What it seems to be.
+    pub guess: Guess,
+    /// Its values.
+    pub values: Vec<f64>,
+}
+
+/// Looks at a table, whose time column is `time` or, without that, the one that looks like it.
+///
+/// # Errors
+/// A table that cannot be read, that has no names, no time, or nothing beside it.
+pub fn look_at(path: &Path, time: Option<&str>) -> Result<Look, Error> {
+    // Columns of texts are left out of a proposal, and no reason to refuse a table.
+    let table = table::open_with(path, Leniency::Lenient)?;
+    let wanted =
+        wanted(&*table, time).map_err(|message| Error::one(path, Problem::new(None, "--time", message)))?;
+    let names: Vec<String> = wanted.iter().map(|&index| table.names()[index].clone()).collect();
+    if names.iter().all(|name| name.trim().parse::<f64>().is_ok()) {
+        let message =
+            "found numbers where the names of the columns should be; expected a first line with names";
+        return Err(Error::one(path, Problem::new(Some(1), "", message)));
+    }
+    let columns = table.read(&wanted)?;
+    let at = time_of(&names, &columns.values, time)
+        .map_err(|message| Error::one(path, Problem::new(None, time.unwrap_or_default(), message)))?;
+    let stamps = &columns.values[at];
+    let (time_unit, _) = unit_of_stamps(&names[at], stamps);
+    let seconds: Vec<f64> =
+        stamps.iter().filter(|stamp| stamp.is_finite()).map(|stamp| stamp * time_unit.in_seconds()).collect();
+    let mut look = Look {
+        path: path.to_owned(),
+        time: names[at].clone(),
+        time_unit,
+        span_s: [seconds.first(), seconds.last()].map(|time| time.copied().unwrap_or_default()),
+        step_s: median_step(&seconds),
+        rows: columns.rows(),
+        columns: Vec::new(),
+        left_out: Vec::new(),
+        repeats: seconds.windows(2).any(|pair| pair[1] <= pair[0]),
+    };
+    for (index, (name, values)) in names.iter().zip(&columns.values).enumerate() {
+        if index == at {
+            continue;
+        }
+        let mut numbers = values.iter().copied().filter(|value| value.is_finite());
+        let first = numbers.next();
+        let count = values.iter().filter(|value| value.is_finite()).count();
+        if (count as f64) < LEAST_NUMBERS * values.len() as f64 || first.is_none() {
+            look.left_out.push(format!("{name} (no numbers)"));
+        } else if numbers.all(|value| Some(value) == first) {
+            look.left_out.push(format!("{name} (constant)"));
+        } else if increases(values)
+            && TIMES.contains(&key(name).as_str())
+            && guess(name, values).what == What::Other
+        {
+            look.left_out.push(format!("{name} (another time)"));
+        } else {
+            look.columns.push(Column {
+                name: name.clone(),
+                guess: guess(name, values),
+                values: values.clone(),
+            });
+        }
+    }
+    if look.columns.is_empty() {
+        let message = format!("found nothing beside the time that changes: {}", names.join(", "));
+        return Err(Error::one(path, Problem::of_file(message)));
+    }
+    Ok(look)
+}
+
+/// The columns that stand in the same rows as the time.
+fn wanted(table: &dyn TableReader, time: Option<&str>) -> Result<Vec<usize>, String> {
+    let all = table.all();
+    let mut wanted = match (all, time) {
+        (Ok(all), None) => all,
+        (Ok(mut all), Some(time)) => {
+            let at = table.index(time)?;
+            all.retain(|&index| index != at);
+            all.insert(0, at);
+            all
+        }
+        (Err(message), None) => return Err(message),
+        (Err(_), Some(time)) => {
+            // Of a log: the topic of the time.
+            let at = table.index(time)?;
+            let topic = time.rfind(['.', '@']).map_or(time, |end| &time[..end]);
+            let of_topic =
+                |name: &String| name.strip_prefix(topic).is_some_and(|rest| rest.starts_with(['.', '@']));
+            let mut wanted = vec![at];
+            let names = table.names().iter().enumerate();
+            wanted
+                .extend(names.filter(|(index, name)| *index != at && of_topic(name)).map(|(index, _)| index));
+            wanted
+        }
+    };
+    wanted.truncate(MOST_COLUMNS);
+    Ok(wanted)
+}
+
+/// The place of the time among the columns.
+fn time_of(names: &[String], values: &[Vec<f64>], stated: Option<&str>) -> Result<usize, String> {
+    if stated.is_some() {
+        // It was asked for first.
+        return Ok(0);
+    }
+    let keys: Vec<String> = names.iter().map(|name| key(name)).collect();
+    let named = TIMES.iter().find_map(|time| {
+        (0..names.len()).find(|&it| {
+            let own = names[it].rsplit(['.', '/', '@']).next().unwrap_or_default();
+            // A temperature may be a T that rises.
+            let is_quantity = guess(&names[it], &values[it]).what != What::Other;
+            (keys[it] == *time || key(own) == *time) && goes_up(&values[it]) && !is_quantity
+        })
+    });
+    named.or_else(|| (0..names.len()).find(|&it| increases(&values[it]))).ok_or_else(|| {
+        format!(
+            "found no column that is a time, as none increases from row to row: {}; expected one, in seconds",
+            names.join(", ")
+        )
+    })
+}
+
+/// Whether values increase from each row to the next.
+fn increases(values: &[f64]) -> bool {
+    values.len() > 1 && values.windows(2).all(|pair| pair[1] > pair[0])
+}
+
+/// Whether they do on the whole, as stamps do of which some come late.
+fn goes_up(values: &[f64]) -> bool {
+    let up = values.windows(2).filter(|pair| pair[1] >= pair[0]).count();
+    values.len() > 1 && up as f64 >= 0.9 * (values.len() - 1) as f64 && values.first() < values.last()
+}
+
+fn median_step(seconds: &[f64]) -> f64 {
+    let mut steps: Vec<f64> = seconds.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    steps.sort_by(f64::total_cmp);
+    steps.get(steps.len() / 2).copied().unwrap_or_default()
+}
+
+/// A table in a sentence.
+pub fn said(look: &Look) -> String {
+    let [from, to] = look.span_s;
+    format!(
+        "{}: {} rows, {from:.6} to {to:.6} s by {}, a row each {:.6} s",
+        look.path.display(),
+        look.rows,
+        look.time,
+        look.step_s
+    )
+}
