@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use super::log::{MOST_COLUMNS, Messages, Topic};
+use super::log::{MOST_COLUMNS, Messages, Topic, left_out};
 use super::number::Number;
 use super::{BUFFER_BYTES, Bytestream};
 use crate::error::{Error, Problem};
@@ -256,13 +256,6 @@ impl Messages for DataFlash {
     }
 
     fn warnings(&mut self) -> Vec<String> {
-        let mut warnings = Vec::new();
-        if self.skipped > 0 {
-            warnings.push(format!("{} bytes are no messages and are left out", self.skipped));
-        }
-        if self.cut_off {
-            warnings.push("the last message is cut off and is left out".to_owned());
-        }
-        warnings
+        left_out(self.skipped, self.cut_off).collect()
     }
 }

@@ -27,6 +27,13 @@ const CHUNK_MESSAGES: usize = 1 << 16;
 /// Columns that a log may have.
 pub(super) const MOST_COLUMNS: usize = 100_000;
 
+/// Warnings of what a log has beside its messages: bytes that are none, and a last one that is cut off.
+pub(super) fn left_out(skipped: u64, cut_off: bool) -> impl Iterator<Item = String> {
+    let none = (skipped > 0).then(|| format!("{skipped} bytes are no messages and are left out"));
+    let cut_off = cut_off.then(|| "the last message is cut off and is left out".to_owned());
+    none.into_iter().chain(cut_off)
+}
+
 /// A topic of a log and its numeric fields.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Topic {

@@ -15,7 +15,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
 
-use super::log::{LONGEST_ARRAY, MOST_COLUMNS, Messages, Topic};
+use super::log::{LONGEST_ARRAY, MOST_COLUMNS, Messages, Topic, left_out};
 use super::number::Number;
 use super::seconds::seconds;
 use super::{BUFFER_BYTES, Bytestream};
@@ -357,12 +357,7 @@ impl Messages for Ulog {
         if damaged > 0 {
             warnings.push(format!("{damaged} messages are of no topic or too short and are left out"));
         }
-        if self.frames.skipped > 0 {
-            warnings.push(format!("{} bytes are no messages and are left out", self.frames.skipped));
-        }
-        if self.frames.cut_off {
-            warnings.push("the last message is cut off and is left out".to_owned());
-        }
+        warnings.extend(left_out(self.frames.skipped, self.frames.cut_off));
         warnings
     }
 }

@@ -11,7 +11,7 @@ use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use super::Bytestream;
-use super::log::{LONGEST_ARRAY, MOST_COLUMNS, Messages, Topic};
+use super::log::{LONGEST_ARRAY, MOST_COLUMNS, Messages, Topic, left_out};
 use super::number::Number;
 use super::seconds::seconds;
 use crate::error::{Error, Problem};
@@ -377,12 +377,7 @@ impl Messages for Tlog {
                 kinds.join(", ")
             ));
         }
-        if self.skipped > 0 {
-            warnings.push(format!("{} bytes are no messages and are left out", self.skipped));
-        }
-        if self.cut_off {
-            warnings.push("the last message is cut off and is left out".to_owned());
-        }
+        warnings.extend(left_out(self.skipped, self.cut_off));
         warnings
     }
 }
