@@ -28,7 +28,7 @@ Whatever the case guesses wrong is changed in the file; from then on it is schul
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Arguments {
-    /// Table that the simulator wrote: CSV, .csv.gz, Parquet, MCAP, PX4 ULog.
+    /// Table that the simulator wrote, of any format that convert reads.
     #[arg(value_name = "SIM")]
     simulation: PathBuf,
     /// Table that was recorded.
