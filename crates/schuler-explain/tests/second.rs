@@ -307,7 +307,7 @@ fn a_reference_that_is_held_shows_the_delay_of_the_sensors() {
 
 #[test]
 fn a_smoothed_reference_is_no_scale_factor() {
-    // Half of the difference over two rows of an angle loses 1 − sin(ωT)/ωT.
+    // The mean of a row with those two rows before and after it loses sin² ωT of a tone.
     let reference = |axis: usize, row: u32| {
         (true_rate(axis, row.saturating_sub(2)) + 2.0 * true_rate(axis, row) + true_rate(axis, row + 2)) / 4.0
     };

@@ -278,6 +278,27 @@ pub(super) struct Instrument<'i> {
     pub(super) places: Vec<&'i Place>,
 }
 
+impl Instrument<'_> {
+    /// Those of its sensors that measure one dimension, for each dimension that has a unit; in units of free text nothing is in
+    /// common.
+    pub(super) fn by_dimension(&self) -> Vec<Self> {
+        let of = |dimension: Dimension| {
+            let is_of_it = |place: &&Place| place.dimension() == dimension;
+            let places: Vec<&Place> = self.places.iter().copied().filter(is_of_it).collect();
+            let target = match &self.target {
+                Target::Group { name, .. } => {
+                    let sensors = places.iter().map(|place| place.sensor).collect();
+                    Target::Group { name: name.clone(), sensors }
+                }
+                target @ Target::Sensor(_) => target.clone(),
+            };
+            (!places.is_empty()).then_some(Self { target, places })
+        };
+        let dimensions = [Dimension::AngularRate, Dimension::Acceleration, Dimension::Velocity];
+        dimensions.into_iter().filter_map(of).collect()
+    }
+}
+
 /// Every instrument, with those of its sensors on which the effect acts and which `has` what is needed.
 pub(super) fn instruments<'i>(
     effect: &'static Effect,

@@ -43,21 +43,12 @@ pub(super) const SCALE_FACTOR: Effect = Effect {
                 .collect()
         });
         // One factor for all sensors of an instrument that measure the same: of a clock, of the speed of sound.
-        for instrument in instruments(effect, inputs, |place| varying(place).is_some()) {
-            let Target::Group { name, .. } = &instrument.target else { continue };
-            // Sensors in units of free text have no factor in common.
-            for dimension in [Dimension::AngularRate, Dimension::Acceleration, Dimension::Velocity] {
-                let places: Vec<&&Place> =
-                    instrument.places.iter().filter(|place| place.dimension() == dimension).collect();
-                let [first, _, ..] = places.as_slice() else { continue };
-                let parts = places.iter().filter_map(|place| Some((place.sensor, place.input.clone()?)));
-                let column = Column::of(parts);
-                let sensors = places.iter().map(|place| place.sensor).collect();
-                let target = Target::Group { name: name.clone(), sensors };
-                let search = Search::Linear(Signature { columns: vec![column] });
-                candidates
-                    .push(Draft::new(search, vec![ppm(first, [10.0, 2e4])]).of(effect, target, first.port));
-            }
+        let groups = instruments(effect, inputs, |place| varying(place).is_some());
+        for Instrument { target, places } in groups.iter().flat_map(Instrument::by_dimension) {
+            let [first, _, ..] = places.as_slice() else { continue };
+            let parts = places.iter().filter_map(|place| Some((place.sensor, place.input.clone()?)));
+            let search = Search::Linear(Signature { columns: vec![Column::of(parts)] });
+            candidates.push(Draft::new(search, vec![ppm(first, [10.0, 2e4])]).of(effect, target, first.port));
         }
         candidates
     },

@@ -4,7 +4,7 @@
 //! without an amplitude; an effect of a sensor that mimics it (a scale factor of −90 %) has one. The reference is a sensor as well: its
 //! noise stands in what is left of the readings with its sign turned.
 use schuler_recording::case::{MotionKind, SensorKind};
-use schuler_recording::unit::Dimension;
+use schuler_recording::unit::{Dimension, STANDARD_GRAVITY};
 
 use super::draft::{Draft, Instrument, any, inertial, instruments, number};
 use super::input::varying;
@@ -12,7 +12,6 @@ use super::{Candidate, Column, Effect, Nonlinear, Port, Search, Signature, Targe
 use crate::inputs::series::{Series, map};
 use crate::inputs::{Inputs, Place};
 
-const STANDARD_GRAVITY: f64 = 9.806_65;
 /// Factors by which readings in a unit that is not the stated one are off, with what was mistaken for what.
 const MISTAKEN_RATES: [(f64, &str); 4] = [
     (std::f64::consts::PI / 180.0, "rad for deg (or a reference in deg for rad)"),
@@ -88,13 +87,8 @@ pub(super) const AXES_SWAPPED: Effect = Effect {
                 let swapped = [(a.sensor, Series::from(difference)), (b.sensor, turned.into())];
                 let names = format!("{} and {}", a.name, b.name);
                 // North, east, down and east, north, up differ in the sign of the third as well.
-                let thirds: Vec<&&Place> = (places.iter().enumerate())
-                    .filter(|(k, _)| *k != first && *k != second)
-                    .map(|it| it.1)
-                    .collect();
-                if let ([third], Some(u)) =
-                    (thirds.as_slice(), thirds.first().and_then(|it| it.input.as_ref()))
-                {
+                let third = (places.len() == AXES).then(|| places[AXES - first - second]);
+                if let Some((third, u)) = third.and_then(|third| Some((third, third.input.as_ref()?))) {
                     let flipped = (third.sensor, map(u, |u| -2.0 * u).into());
                     let all = swapped.iter().cloned().chain([flipped]);
                     let name = format!("{names}, {} of the other sign", third.name);
@@ -204,23 +198,7 @@ fn of_one_kind<'i>(
     if inputs.is_loop() || inputs.motion.estimated {
         return Vec::new();
     }
-    let mut found = Vec::new();
-    for instrument in instruments(effect, inputs, has) {
-        for dimension in [Dimension::AngularRate, Dimension::Acceleration, Dimension::Velocity] {
-            let places: Vec<&Place> =
-                instrument.places.iter().copied().filter(|place| place.dimension() == dimension).collect();
-            let target = match (&instrument.target, places.as_slice()) {
-                (_, []) => continue,
-                (Target::Group { name, .. }, _) => {
-                    let sensors = places.iter().map(|place| place.sensor).collect();
-                    Target::Group { name: name.clone(), sensors }
-                }
-                (target, _) => target.clone(),
-            };
-            found.push(Instrument { target, places });
-        }
-    }
-    found
+    instruments(effect, inputs, has).iter().flat_map(Instrument::by_dimension).collect()
 }
 
 /// How much of a signature is there.

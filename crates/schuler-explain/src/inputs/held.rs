@@ -2,6 +2,7 @@
 use std::borrow::Cow;
 
 use schuler_recording::Recording;
+use schuler_recording::recording::MotionSeries;
 
 use crate::spline::{Knot, Spline};
 
@@ -12,31 +13,27 @@ const LONGEST_S: f64 = 1.5;
 /// Part of its stays that are at most twice as long as most.
 const REGULAR: f64 = 0.9;
 
+/// What a reference may record, and after which an angle begins anew.
+const SERIES: [(&str, f64); 4] = [
+    ("rate", f64::INFINITY),
+    ("specific force", f64::INFINITY),
+    ("velocity", f64::INFINITY),
+    ("attitude", std::f64::consts::TAU),
+];
+
 /// The recording with a spline between the readings of a reference in place of what it holds, and a warning that says so.
 pub fn without_held_reference(recording: Cow<'_, Recording>) -> Cow<'_, Recording> {
     let motion = &recording.motion;
-    let all = [
-        ("rate", &motion.rate),
-        ("specific force", &motion.specific_force),
-        ("velocity", &motion.velocity_ned),
-        ("attitude", &motion.attitude_rad),
-    ];
-    let held: Vec<(&str, Vec<bool>)> = (all.into_iter())
-        .filter_map(|(name, series)| Some((name, held_rows(series.as_ref()?, recording.step_s)?)))
-        .collect();
-    if held.is_empty() {
+    let series = [&motion.rate, &motion.specific_force, &motion.velocity_ned, &motion.attitude_rad];
+    let held = series.map(|series| held_rows(series.as_ref()?, recording.step_s));
+    if held.iter().all(Option::is_none) {
         return recording;
     }
     let mut recording = recording.into_owned();
-    for (name, rows) in held {
-        let motion = &mut recording.motion;
-        let series = match name {
-            "rate" => &mut motion.rate,
-            "specific force" => &mut motion.specific_force,
-            "velocity" => &mut motion.velocity_ned,
-            _ => &mut motion.attitude_rad,
-        };
-        let period = if name == "attitude" { std::f64::consts::TAU } else { f64::INFINITY };
+    let MotionSeries { rate, specific_force, velocity_ned, attitude_rad } = &mut recording.motion;
+    let series = [rate, specific_force, velocity_ned, attitude_rad];
+    for (((name, period), series), held) in SERIES.into_iter().zip(series).zip(held) {
+        let Some(rows) = held else { continue };
         for values in series.iter_mut().flatten() {
             *values = between_readings(values, &rows, period);
         }

@@ -21,7 +21,7 @@ pub struct Config {
     pub implausible_per_decade: f64,
     /// Part of its information that a signature must have left beside what is described.
     pub least_information_left: f64,
-    /// Nats that a move must promise before prior odds to be fitted in full. Lower ones are fitted more and told as seldom.
+    /// Nats that a move must promise before prior odds to be fitted in full. A lower value fits more moves, and tells hardly more.
     pub least_promised: f64,
     /// Levels of white noise in part of the rows, at most.
     pub most_levels: usize,

@@ -115,8 +115,7 @@ fn searched<'b>(problem: &'b Problem<'b>, nuisances: &[SourceKnob]) -> Result<Se
         }
         let again = bench(problem, &best.noises);
         let start = whitened_again(&again, best);
-        let blocks: Vec<usize> = (0..again.sums.len()).filter(|&it| again.sums[it].is_some()).collect();
-        let Some(start) = again.fitted(&start, &blocks) else { break };
+        let Some(start) = again.fitted_whole(&start) else { break };
         now = Searched::new(again, start);
     }
     for _ in 0..problem.config.most_levels {
@@ -148,9 +147,7 @@ impl<'s> Searched<'s> {
         let place = rest.changes.iter().position(|change| *change == level.change)?;
         let change = rest.changes.remove(place);
         take_back(&leveled.bench, &mut rest, &change);
-        let blocks: Vec<usize> =
-            (0..self.bench.sums.len()).filter(|&it| self.bench.sums[it].is_some()).collect();
-        let rest = self.bench.fitted(&whitened_again(&self.bench, &rest), &blocks);
+        let rest = self.bench.fitted_whole(&whitened_again(&self.bench, &rest));
         let without = self.beam.descriptions.iter().chain(rest.as_ref());
         leveled.beam.others.extend(self.beam.others.iter().cloned());
         leveled.beam.others.extend(without.map(|it| (structure(it), it.ln_evidence)));

@@ -140,6 +140,13 @@ impl Description {
 }
 
 impl Bench<'_> {
+    /// The description fitted in every block.
+    pub fn fitted_whole(&self, description: &Description) -> Option<Description> {
+        let is_there = |&block: &usize| self.sums[block].is_some();
+        let blocks: Vec<usize> = (0..self.sums.len()).filter(is_there).collect();
+        self.fitted(description, &blocks)
+    }
+
     /// The description fitted where `touched`: the better of what two starts lead to, from full trust and from the weights that it
     /// has. None where it cannot be told from a part of itself.
     pub fn fitted(&self, description: &Description, touched: &[usize]) -> Option<Description> {

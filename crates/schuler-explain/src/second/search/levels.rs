@@ -2,8 +2,10 @@
 //!
 //! Dividing rows by a level would scale the slow part of the noise as well, so that the record is whitened anew by a filter whose
 //! measurement noise has two levels. What a level promises is seen on the squares of the innovations of what is described.
+use std::collections::HashMap;
+
 use super::library::whitened_again;
-use crate::catalogue::NoiseChange;
+use crate::catalogue::{NoiseChange, Search};
 use crate::description::sensors_of;
 use crate::noise::{Knob, Noise, RowsOfLevel, VarianceStep};
 use crate::nominal::Block;
@@ -33,24 +35,28 @@ pub struct Level {
 pub fn levels(bench: &Bench<'_>, description: &Description) -> Vec<Level> {
     let problem = bench.problem;
     let mut all: Vec<Level> = Vec::new();
+    let mut of_blocks: HashMap<usize, Option<Vec<f64>>> = HashMap::new();
     for (number, candidate) in problem.candidates.iter().enumerate() {
-        let crate::catalogue::Search::Noise(change) = candidate.search else { continue };
+        let Search::Noise(change) = candidate.search else { continue };
         let Some(&sensor) = sensors_of(candidate).first() else { continue };
         let Some(source) = problem.model.source_of(sensor, candidate.port) else { continue };
         let Some(index) = problem.model.block_of_source(source) else { continue };
         let block = &problem.model.blocks[index];
         let noise = &description.noises[source];
         let is_its_own = !block.is_redundant() && block.sources.first() == Some(&source);
-        if !is_its_own || noise.step.is_some() || noise.white <= 0.0 {
+        let is_level = matches!(change, NoiseChange::VarianceStep | NoiseChange::LevelAbove(_));
+        if !is_level || !is_its_own || noise.step.is_some() || noise.white <= 0.0 {
             continue;
         }
-        let Some(innovations) = innovations(bench, description, index) else { continue };
+        // The same for every level of a block.
+        let of_block = of_blocks.entry(index).or_insert_with(|| innovations(bench, description, index));
+        let Some(innovations) = of_block else { continue };
         let found = match change {
             NoiseChange::VarianceStep => {
                 let is_free = description.free_in(problem, index).contains(&(source, Knob::White));
-                from_a_time_on(bench, block, &innovations, is_free)
+                from_a_time_on(bench, block, innovations, is_free)
             }
-            NoiseChange::LevelAbove(quantity) => above(bench, block, &innovations, quantity),
+            NoiseChange::LevelAbove(quantity) => above(bench, block, innovations, quantity),
             _ => None,
         };
         let Some(found) = found else { continue };
@@ -83,8 +89,7 @@ pub fn with_level<'b>(
         start.noises.clone_from(&noises);
         start.changes.push(level.change.clone());
         let index = bench.problem.model.block_of_source(source)?;
-        let blocks: Vec<usize> = (0..bench.sums.len()).filter(|&it| bench.sums[it].is_some()).collect();
-        let fitted = bench.fitted(&start, &blocks)?;
+        let fitted = bench.fitted_whole(&start)?;
         let step = fitted.noises[source].step?;
         let innovations = innovations(&bench, &fitted, index)?;
         let ratio = ratio_of(&bench.problem.model.blocks[index], &innovations, step.rows)?;

@@ -251,6 +251,5 @@ pub fn nothing(bench: &Bench<'_>, noises: &[Noise], nuisances: &[(usize, Knob)])
         amplitudes: nalgebra::DVector::zeros(0),
         ln_evidence: f64::NEG_INFINITY,
     };
-    let all: Vec<usize> = (0..blocks).filter(|&block| bench.sums[block].is_some()).collect();
-    bench.fitted(&description, &all)
+    bench.fitted_whole(&description)
 }
