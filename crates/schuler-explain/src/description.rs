@@ -53,6 +53,15 @@ impl Term {
         }
     }
 
+    /// The sensors in whose readings it is.
+    pub fn sensors(&self) -> Vec<usize> {
+        let mut sensors: Vec<usize> =
+            self.columns.iter().flat_map(|column| &column.parts).map(|(sensor, _)| *sensor).collect();
+        sensors.sort_unstable();
+        sensors.dedup();
+        sensors
+    }
+
     /// Number of amplitudes that are estimated.
     pub fn amplitudes(&self) -> usize {
         if self.unit_amplitude { 0 } else { self.columns.len() }
@@ -72,7 +81,7 @@ pub struct Delays {
 
 impl Delays {
     /// The delays among `terms`.
-    pub fn new(terms: &[Term]) -> Self {
+    pub fn new<'t>(terms: impl IntoIterator<Item = &'t Term>) -> Self {
         let mut delays = Self::default();
         for term in terms {
             let Some(delay_s) = term.delay_s else { continue };

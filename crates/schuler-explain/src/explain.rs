@@ -574,7 +574,7 @@ fn shift_by_rounding(step: f64, white: f64) -> f64 {
 /// Whether a candidate is about the noise, or a mean that comes and goes, of an output that is clipped or coarse: what is left of it
 /// then is not what the sensor's noise was, and readings of a few levels have a mean for each. Rounding that the noise carries over the
 /// steps adds to it and leaves it as it was, and so does a limit that is reached once.
-fn is_spoilt(candidate: &Candidate, faults: &[Fault], model: &Model) -> bool {
+pub(crate) fn is_spoilt(candidate: &Candidate, faults: &[Fault], model: &Model) -> bool {
     let coarse = |fault: &Fault| {
         let white = model.white_of(fault.sensor);
         let step = fault.lattice_step().filter(|step| *step >= LEAST_STEP * white);

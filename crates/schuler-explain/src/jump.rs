@@ -32,8 +32,9 @@ const FORGOTTEN: f64 = 25.0;
 /// Difference of two histories' whitened innovations, in standard deviations, below which they are one.
 const SAME: f64 = 0.1;
 /// Starts that are followed, and how often amplitude and rates are fitted.
-const FOLLOWED: usize = 2;
-const ITERATIONS: usize = 3;
+pub const FOLLOWED: usize = 2;
+/// See [`FOLLOWED`].
+pub const ITERATIONS: usize = 3;
 /// Rates of switching on and off.
 pub const RATES: usize = 2;
 /// Degrees of freedom: the amplitude and the rates; and ln of the places where they were sought.
@@ -47,10 +48,13 @@ const FEWEST_STAYS: usize = 2;
 
 /// Amplitude and probabilities, a row, of switching on and off.
 #[derive(Clone, Copy, Debug)]
-struct Telegraph {
-    amplitude: f64,
-    on: f64,
-    off: f64,
+pub struct Telegraph {
+    /// Height.
+    pub amplitude: f64,
+    /// Of switching on.
+    pub on: f64,
+    /// Of switching off.
+    pub off: f64,
 }
 
 impl Telegraph {
@@ -63,9 +67,9 @@ impl Telegraph {
 #[derive(Clone, Debug)]
 pub struct Decoded {
     /// Whether it is on, by row.
-    on: Vec<bool>,
+    pub on: Vec<bool>,
     /// ln of the marginal likelihood over that without jumps.
-    gain: f64,
+    pub gain: f64,
 }
 
 /// A mean that jumps on and off, for each candidate of that kind.
@@ -175,17 +179,21 @@ impl Place {
             }
         });
         let best = found.into_iter().max_by(|a, b| a.gain.total_cmp(&b.gain))?;
-        let comes_and_goes = [false, true].into_iter().all(|state| {
-            let (number, rows) = stays(&best.on, state).fold((0, 0), |(n, rows), stay| (n + 1, rows + stay));
-            let long = stays(&best.on, state).filter(|&stay| stay >= SHORTEST_STAY_ROWS).count();
-            long >= FEWEST_STAYS && rows >= SHORTEST_STAY_ROWS * number
-        });
-        comes_and_goes.then_some(best)
+        comes_and_goes(&best.on).then_some(best)
     }
 }
 
+/// Whether a history is one of jumps, and not a step or glitches.
+pub fn comes_and_goes(on: &[bool]) -> bool {
+    [false, true].into_iter().all(|state| {
+        let (number, rows) = stays(on, state).fold((0, 0), |(n, rows), stay| (n + 1, rows + stay));
+        let long = stays(on, state).filter(|&stay| stay >= SHORTEST_STAY_ROWS).count();
+        long >= FEWEST_STAYS && rows >= SHORTEST_STAY_ROWS * number
+    })
+}
+
 /// Rows of each stay, on or off.
-fn stays(on: &[bool], state: bool) -> impl Iterator<Item = usize> + '_ {
+pub fn stays(on: &[bool], state: bool) -> impl Iterator<Item = usize> + '_ {
     on.chunk_by(|a, b| a == b).filter(move |stay| stay.first() == Some(&state)).map(<[bool]>::len)
 }
 
@@ -201,7 +209,7 @@ pub fn mean_stays(term: &Term, step_s: f64) -> [(&'static str, f64, f64); RATES]
 }
 
 /// Telegraphs with the autocorrelation of a Markov part, up or down.
-fn starts(part: Markov, step_s: f64) -> Vec<Telegraph> {
+pub fn starts(part: Markov, step_s: f64) -> Vec<Telegraph> {
     let rate = step_s / part.tau_s.max(2.0 * step_s);
     let of = |on: f64| {
         let amplitude = part.sigma / (on * (1.0 - on)).sqrt();
@@ -215,24 +223,27 @@ fn starts(part: Markov, step_s: f64) -> Vec<Telegraph> {
 }
 
 /// Rates of switching on and off of a history; half a switching more than seen, as none seen does not mean never.
-fn rates(on: &[bool]) -> [f64; 2] {
+pub fn rates(on: &[bool]) -> [f64; 2] {
     let count = |from: bool| on.iter().filter(|&&on| on == from).count() as f64;
     let switched =
         |from: bool| on.windows(2).filter(|pair| pair[0] == from && pair[1] != from).count() as f64;
     [false, true].map(|from| ((switched(from) + 0.5) / (count(from) + 1.0)).clamp(1e-6, 0.5))
 }
 
-struct Decoder<'d> {
-    filter: &'d Filter,
+/// Follows histories of switchings.
+pub struct Decoder<'d> {
+    /// The filter of the block.
+    pub filter: &'d Filter,
     /// Whitened residual without jumps.
-    remainder: &'d [f64],
+    pub remainder: &'d [f64],
     /// What a unit shift adds to the channels.
-    shape: Vec<f64>,
+    pub shape: Vec<f64>,
     /// Whether the regressors have taken the mean away.
-    centred: bool,
+    pub centred: bool,
     /// Weight of each state in the whitened innovations.
-    weights: Vec<f64>,
-    channels: usize,
+    pub weights: Vec<f64>,
+    /// Number of channels.
+    pub channels: usize,
 }
 
 /// A history of switchings up to a row.
@@ -265,7 +276,7 @@ impl States {
 
 impl Decoder<'_> {
     /// The likeliest history under a telegraph and the sum over all that were kept.
-    fn decode(&self, telegraph: Telegraph) -> Option<Decoded> {
+    pub fn decode(&self, telegraph: Telegraph) -> Option<Decoded> {
         let Telegraph { amplitude, on, off } = telegraph;
         if !(amplitude.is_finite() && amplitude != 0.0 && on > 0.0 && off > 0.0) {
             return None;

@@ -9,15 +9,20 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use schuler_explain::explain::{Options, explain};
 use schuler_explain::explanation::{Explanation, Finding};
+use schuler_explain::second;
 use schuler_recording::Recording;
 
 fn explained(name: &str, case: &str, table: &str) -> Explanation {
+    let recording = recorded(name, case, table);
+    explain(&recording, &Options::default()).expect("it can be explained")
+}
+
+fn recorded(name: &str, case: &str, table: &str) -> Recording {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
     fs::write(folder.join(format!("{name}.csv")), table).expect("the folder is writable");
     let path = folder.join(format!("{name}.toml"));
     fs::write(&path, case).expect("the folder is writable");
-    let recording = Recording::read(&path).expect("the case can be read");
-    explain(&recording, &Options::default()).expect("it can be explained")
+    Recording::read(&path).expect("the case can be read")
 }
 
 fn value(finding: &Finding, name: &str) -> (f64, f64) {
@@ -37,7 +42,8 @@ struct Log {
 }
 
 impl Log {
-    fn explained(&self, name: &str, seed: u64) -> Explanation {
+    /// What both engines say.
+    fn explained(&self, name: &str, seed: u64) -> [Explanation; 2] {
         let mut random = Pcg64::seed_from_u64(seed);
         let speed = |t: f64| 1.5 + 0.3 * (t / 17.0).sin() + 0.2 * (t / 6.1).cos();
         let mut table = "t,vn,ve,vd,roll,pitch,yaw,x,y\n".to_owned();
@@ -64,7 +70,12 @@ impl Log {
                 self.white
             );
         }
-        explained(name, &case, &table)
+        let recording = recorded(name, &case, &table);
+        let second = second::explain(&recording, &second::config::Config::default());
+        [
+            explain(&recording, &Options::default()).expect("it can be explained"),
+            second.expect("it can be explained"),
+        ]
     }
 }
 
@@ -77,20 +88,21 @@ fn the_arm_of_a_late_instrument_is_seen_as_late_as_its_readings() {
         yaw: Box::new(|t| 0.9 * (t / 9.0).sin() + 0.5 * (t / 5.3 + 1.0).cos()),
         rate: Box::new(|t| 0.1 * (t / 9.0).cos() - 0.5 / 5.3 * (t / 5.3 + 1.0).sin()),
     };
-    let explanation = log.explained("late", 20);
-    let of = |effect: &str| {
-        let found = explanation.findings.iter().filter(|finding| finding.effect == effect);
-        let found: Vec<&Finding> = found.collect();
-        assert_eq!(found.len(), 1, "{effect} in {:?}", explanation.findings);
-        found[0].clone()
-    };
-    let expected: [(&str, &str, f64); 2] =
-        [("time_delay", "delay_s", log.delay_s), ("lever_arm", "arm_x_m", log.arm_x_m)];
-    for (effect, name, truth) in expected {
-        let (found, sigma) = value(&of(effect), name);
-        // Central differences at 1 Hz lack (1/5.3)²/6 = 0.6 % of the rate of the faster swing.
-        let of_rate = if effect == "lever_arm" { 0.006 * truth.abs() } else { 0.0 };
-        assert!((found - truth).abs() < 3.0 * sigma + of_rate, "{name}: {found} ± {sigma}, not {truth}");
+    for explanation in log.explained("late", 20) {
+        let of = |effect: &str| {
+            let found = explanation.findings.iter().filter(|finding| finding.effect == effect);
+            let found: Vec<&Finding> = found.collect();
+            assert_eq!(found.len(), 1, "{effect} in {:?}", explanation.findings);
+            found[0].clone()
+        };
+        let expected: [(&str, &str, f64); 2] =
+            [("time_delay", "delay_s", log.delay_s), ("lever_arm", "arm_x_m", log.arm_x_m)];
+        for (effect, name, truth) in expected {
+            let (found, sigma) = value(&of(effect), name);
+            // Central differences at 1 Hz lack (1/5.3)²/6 = 0.6 % of the rate of the faster swing.
+            let of_rate = if effect == "lever_arm" { 0.006 * truth.abs() } else { 0.0 };
+            assert!((found - truth).abs() < 3.0 * sigma + of_rate, "{name}: {found} ± {sigma}, not {truth}");
+        }
     }
 }
 
@@ -115,15 +127,16 @@ fn what_is_read_beyond_the_record_is_not_explained() {
                 slowly + 0.03 * (1.7 - 0.1 * (t / 50.0).sin()) * fast(t, phase).cos()
             }),
         };
-        let explanation = log.explained(&format!("beyond_{trial}"), 40 + u64::from(trial));
-        let mut names: Vec<&str> =
-            explanation.findings.iter().map(|finding| finding.effect.as_str()).collect();
-        names.sort_unstable();
-        assert_eq!(names, ["lever_arm", "time_delay"], "trial {trial}");
-        let of_noise = 0.5 * (std::f64::consts::TAU * WHITE * WHITE).ln() + 0.5;
-        let held_out = &explanation.fit.held_out;
-        excess += held_out.after.nll_per_sample - of_noise;
-        samples += held_out.samples as f64;
+        for explanation in log.explained(&format!("beyond_{trial}"), 40 + u64::from(trial)) {
+            let mut names: Vec<&str> =
+                explanation.findings.iter().map(|finding| finding.effect.as_str()).collect();
+            names.sort_unstable();
+            assert_eq!(names, ["lever_arm", "time_delay"], "trial {trial}");
+            let of_noise = 0.5 * (std::f64::consts::TAU * WHITE * WHITE).ln() + 0.5;
+            let held_out = &explanation.fit.held_out;
+            excess += held_out.after.nll_per_sample - of_noise;
+            samples += held_out.samples as f64;
+        }
     }
     // A sample of normal noise has a variance of ½ nat².
     let (mean, sigma) = (excess / f64::from(TRIALS), (0.5 / samples).sqrt());

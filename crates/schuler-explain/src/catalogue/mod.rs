@@ -78,6 +78,11 @@ impl Effect {
         self.id == unnamed::UNNAMED.id
     }
 
+    /// Whether it is an output in steps.
+    pub fn is_coarse_output(&self) -> bool {
+        self.id == failures::QUANTISATION.id
+    }
+
     /// Whether its one parameter is a delay of the readings.
     pub fn is_a_delay(&self) -> bool {
         self.id == instrument::TIME_DELAY.id

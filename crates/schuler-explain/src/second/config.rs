@@ -23,6 +23,9 @@ pub struct Config {
     pub least_information_left: f64,
     /// Nats that a move must promise before prior odds to be fitted in full. A lower value fits more moves, and tells hardly more.
     pub least_promised: f64,
+    /// Nats behind the best description beyond which what a move promises is not fitted: it would not be expanded. Less is quicker,
+    /// and misses what a promise falls short of.
+    pub within_reach: f64,
     /// Levels of white noise in part of the rows, at most.
     pub most_levels: usize,
     /// Innovation, in standard deviations, beyond which one counts as that much where levels are sought.
@@ -53,8 +56,17 @@ pub struct Config {
     pub whiten_again_at: f64,
     /// Probability of a member of a class below which it is not told.
     pub least_class_probability: f64,
+    /// Logarithm of the odds of a fault in the readings of a sensor before they are seen.
+    pub ln_odds_of_faults: f64,
     /// Whether the description is judged on stretches that were held out.
     pub hold_out: bool,
+}
+
+impl Config {
+    /// Logarithm of the odds from which on a finding is told.
+    pub fn least_ln_odds(&self) -> f64 {
+        (self.told_at / (1.0 - self.told_at)).ln()
+    }
 }
 
 impl Default for Config {
@@ -69,6 +81,7 @@ impl Default for Config {
             implausible_per_decade: 1.0,
             least_information_left: 1e-6,
             least_promised: -2.0,
+            within_reach: 30.0,
             most_levels: 3,
             largest_innovation: 4.0,
             fitted_moves: 8,
@@ -84,6 +97,7 @@ impl Default for Config {
             fit_tolerance: 0.02,
             whiten_again_at: 3.0,
             least_class_probability: 0.01,
+            ln_odds_of_faults: -7.0,
             hold_out: true,
         }
     }

@@ -1,179 +1,217 @@
-//! Findings with their parameters, from the exact likelihood of all rows.
+//! Findings in words and numbers.
+use super::parameters::parameters;
 use super::posterior::Posterior;
-use crate::catalogue::{Candidate, Search, Target};
+use crate::catalogue::{CATALOGUE, Candidate, Effect, ReadingFault, Search, Target};
+use crate::description::{Term, nonlinear_names};
 use crate::equivalence::target_name;
-use crate::explain::interval;
 use crate::explanation::{Evidence, Finding, Parameter, Remainder, Rival};
-use crate::inputs::Inputs;
+use crate::noise::RowsOfLevel;
+use crate::nominal::Model;
 use crate::readings::{Fault, OFF_LATTICE};
-use crate::refit::parameters;
-use crate::search::refine_terms;
-use crate::second::config::Config;
-use crate::second::evidence::fit::Description;
+use crate::second::evidence::fit::{Bench, Change, Description};
+use crate::second::exact::OverRows;
+use crate::second::problem::prepared::Prepared;
 use crate::second::search::moves::Item;
-use crate::select;
 use crate::sentence::sentence;
-use crate::state::{Accepted, Case, State, refitted};
-
-/// Logarithm of the odds against a fault in readings before they are seen.
-const LN_ODDS_OF_FAULTS: f64 = -7.0;
-
-/// A description fitted to all rows.
-pub fn exact(case: &Case<'_>, description: &Description) -> State {
-    let changes = description.changes.iter().map(|change| Accepted {
-        candidate: change.candidate,
-        source: change.source,
-        change: change.change,
-        knobs: change.knobs.clone(),
-        freedom: change.knobs.len(),
-        ln_places: 0.0,
-    });
-    let mut state = State {
-        terms: description.placed.iter().map(|placed| placed.term.clone()).collect(),
-        noises: description.noises.clone(),
-        changes: changes.collect(),
-        nuisances: description.nuisances.clone(),
-        log_likelihood: f64::NEG_INFINITY,
-        told_beside: 0.0,
-    };
-    state = refitted(case, &state, None).0;
-    if refine_terms(case, &mut state, &|_| true) {
-        state = refitted(case, &state, None).0;
-    }
-    state
-}
 
 /// The items that are sure enough to be told.
-pub fn findings(
-    case: &Case<'_>,
-    state: &State,
-    description: &Description,
-    posterior: &[Posterior],
-    config: &Config,
-) -> Vec<Finding> {
+pub fn findings(rows: &OverRows<'_>, posterior: &[Posterior]) -> Vec<Finding> {
+    let (bench, description) = (rows.bench, rows.description);
     let is_told = |posterior: &&Posterior| {
-        let is_nuisance = match posterior.item {
-            Item::Change(place) => super::is_unstated(case.model, description.changes[place].source),
+        let is_unstated = match posterior.item {
+            Item::Change(place) => bench.problem.model.sources[description.changes[place].source].unknown,
             Item::Placed(_) => false,
         };
-        let is_unnamed = matches!(posterior.item, Item::Placed(_)) && is_unnamed(case, posterior);
-        posterior.probability >= config.told_at && !is_nuisance && !is_unnamed
+        posterior.probability() >= bench.problem.config.told_at
+            && !is_unstated
+            && !is_unnamed(bench, posterior)
     };
-    let finding = |posterior: &Posterior| finding(case, state, posterior);
-    posterior.iter().filter(is_told).map(finding).collect()
+    posterior.iter().filter(is_told).map(|posterior| finding(bench, description, posterior)).collect()
 }
 
 /// Whether it is most probably in no catalogue.
-fn is_unnamed(case: &Case<'_>, posterior: &Posterior) -> bool {
-    let first = posterior.class.first().and_then(|(member, _)| case.candidates.get(*member));
+fn is_unnamed(bench: &Bench<'_>, posterior: &Posterior) -> bool {
+    let first = posterior.class.first().and_then(|(member, _)| bench.problem.candidates.get(*member));
     first.is_some_and(|candidate| candidate.effect.is_unnamed())
 }
 
 /// The dependences that are most probably in no catalogue, the surest of them; with all of them in words.
-pub fn unnamed(case: &Case<'_>, posterior: &[Posterior], config: &Config) -> Option<Remainder> {
+pub fn unnamed(bench: &Bench<'_>, posterior: &[Posterior]) -> Option<Remainder> {
+    let problem = bench.problem;
     let told: Vec<(&Posterior, &Candidate)> = (posterior.iter())
-        .filter(|it| it.probability >= config.told_at && is_unnamed(case, it))
-        .filter_map(|it| Some((it, case.candidates.get(it.class.first()?.0)?)))
+        .filter(|it| it.probability() >= problem.config.told_at && is_unnamed(bench, it))
+        .filter_map(|it| Some((it, problem.candidates.get(it.class.first()?.0)?)))
         .collect();
     let on = |candidate: &Candidate| {
         candidate.variant.first().map_or_else(String::new, |(_, column)| column.clone())
     };
-    let (first, strongest) =
-        told.iter().max_by(|a, b| a.0.probability.total_cmp(&b.0.probability)).copied()?;
+    let (first, strongest) = told.iter().max_by(|a, b| a.0.ln_odds.total_cmp(&b.0.ln_odds)).copied()?;
     let what = told.iter().map(|(_, candidate)| {
-        let name = target_name(case.model, candidate);
+        let name = target_name(problem.model, candidate);
         format!("the mean of {name} depends on {}, as no effect of the catalogue does", on(candidate))
     });
     Some(Remainder {
-        sensor: target_name(case.model, strongest),
+        sensor: target_name(problem.model, strongest),
         what: what.collect::<Vec<_>>().join("; "),
         on: Some(on(strongest)),
-        gain_nats: -(1.0 - first.probability).max(1e-300).ln(),
+        gain_nats: first.ln_odds,
     })
 }
 
-fn finding(case: &Case<'_>, state: &State, posterior: &Posterior) -> Finding {
-    let (item, own) = match posterior.item {
-        Item::Placed(place) => (select::Item::Term(place), state.terms[place].candidate),
-        Item::Change(place) => (select::Item::Change(place), state.changes[place].candidate),
+fn finding(bench: &Bench<'_>, description: &Description, posterior: &Posterior) -> Finding {
+    let problem = bench.problem;
+    let own = match posterior.item {
+        Item::Placed(place) => description.placed[place].term.candidate,
+        Item::Change(place) => description.changes[place].candidate,
     };
-    let candidate = &case.candidates[own];
-    let sensor = target_name(case.model, candidate);
-    let parameters = parameters(case, state, item);
-    let interval_s = interval(case, state, item);
+    let candidate = &problem.candidates[own];
+    let sensor = target_name(problem.model, candidate);
+    let parameters = parameters(bench, description, posterior.item);
+    let interval_s = interval(bench, description, posterior.item);
     let mut class = vec![candidate.effect.id.to_owned()];
     let mut rivals = Vec::new();
     for &(member, probability) in posterior.class.iter().filter(|(member, _)| *member != own) {
-        let other = &case.candidates[member];
-        let (name, id) = (target_name(case.model, other), other.effect.id.to_owned());
-        if name == sensor && !class.contains(&id) {
-            class.push(id.clone());
-        }
-        rivals.push(Rival {
-            sensor: name,
-            effect: id,
+        let other = &problem.candidates[member];
+        let rival = Rival {
+            sensor: target_name(problem.model, other),
+            effect: other.effect.id.to_owned(),
             principal_angle_deg: f64::NAN,
             behind_nats: -probability.ln(),
             separated_by: other.effect.separated_by.to_owned(),
             together_with: None,
-        });
+        };
+        if rival.sensor == sensor && !class.contains(&rival.effect) {
+            class.push(rival.effect.clone());
+        }
+        rivals.push(rival);
     }
-    let absent = 1.0 - posterior.probability;
     Finding {
-        sentence: sentence(candidate, &sensor, &parameters, interval_s, case.time_s),
+        sentence: sentence(candidate, &sensor, &parameters, interval_s, problem.time_s()),
         sensor,
         effect: candidate.effect.id.to_owned(),
         class,
         interval_s,
         parameters,
-        evidence: Evidence { gain_nats: -absent.max(1e-300).ln(), p_value: absent },
+        evidence: Evidence { gain_nats: posterior.ln_odds, p_value: 1.0 - posterior.probability() },
         noise_shift: Vec::new(),
         rivals,
     }
 }
 
-/// What readings show of themselves.
-pub fn of_faults(inputs: &Inputs<'_>, case: &Case<'_>, faults: &[Fault]) -> Vec<Finding> {
-    let candidates = crate::catalogue::CATALOGUE;
-    let at = |row: usize| case.time_s.get(row).copied().unwrap_or_default();
-    let of = |fault: &Fault| {
-        if fault.evidence + LN_ODDS_OF_FAULTS < 3.0 {
-            return None;
+/// When an item acts, to the end of the last step: from its onset or from where its signature begins.
+fn interval(bench: &Bench<'_>, description: &Description, item: Item) -> [f64; 2] {
+    let problem = bench.problem;
+    let end = problem.time_s().last().copied().unwrap_or_default() + problem.model.step_s;
+    let start = match item {
+        Item::Placed(place) => {
+            let term = &description.placed[place].term;
+            let names = nonlinear_names(&problem.candidates[term.candidate]);
+            let onset = names.iter().position(|(name, _)| *name == "onset_s");
+            let onset_s = onset.and_then(|place| term.nonlinear.get(place).copied());
+            onset_s.unwrap_or_else(|| first_acting_s(problem.model, term))
         }
-        let is_it = |search: &Search| matches!(search, Search::Readings(found) if *found == fault.fault);
-        let candidate = candidates
-            .iter()
-            .flat_map(|effect| (effect.candidates)(effect, inputs))
-            .find(|it| is_it(&it.search) && it.target == Target::Sensor(fault.sensor))?;
-        let series = inputs.recording.sensors.get(fault.sensor)?;
-        let named = target_name(case.model, &candidate);
-        let sensor = if named.is_empty() { series.sensor.id.clone() } else { named };
-        let unit = series.written_unit;
-        let parameter = |&(name, value, in_unit): &(&str, f64, bool)| {
-            let (value, sigma, unit) = match name {
-                "onset_s" => (at(value as usize), Some(case.model.step_s / 3.0_f64.sqrt()), "s"),
-                "step" => (value / unit.in_si(), Some(OFF_LATTICE * value / unit.in_si()), unit.name()),
-                _ if in_unit => (value / unit.in_si(), None, unit.name()),
-                _ => (value, None, "1"),
-            };
-            let (value, unit) = (Some(value), Some(unit.to_owned()));
-            Parameter { name: name.to_owned(), value, sigma, unit, ..Parameter::default() }
-        };
-        let parameters: Vec<Parameter> = fault.parameters.iter().map(parameter).collect();
-        let interval_s = [at(fault.rows.0), at(fault.rows.1.saturating_sub(1)) + case.model.step_s];
-        Some(Finding {
-            sentence: sentence(&candidate, &sensor, &parameters, interval_s, case.time_s),
-            sensor,
-            effect: candidate.effect.id.to_owned(),
-            class: vec![candidate.effect.id.to_owned()],
-            interval_s,
-            parameters,
-            evidence: Evidence { gain_nats: fault.evidence, p_value: (-fault.evidence).exp() },
-            noise_shift: Vec::new(),
-            rivals: Vec::new(),
-        })
+        Item::Change(place) => level_since_s(problem.model, description, &description.changes[place]),
     };
-    faults.iter().filter_map(of).collect()
+    [start, end]
+}
+
+/// When the signature of a term first is not zero.
+fn first_acting_s(model: &Model, term: &Term) -> f64 {
+    let parts = term.columns.iter().flat_map(|column| &column.parts);
+    let row = parts.filter_map(|(_, values)| values.iter().position(|value| *value != 0.0)).min();
+    row.and_then(|row| model.time_s.get(row).copied()).unwrap_or_default()
+}
+
+/// Since when another level is there; 0 of other changes.
+fn level_since_s(model: &Model, description: &Description, change: &Change) -> f64 {
+    let step = description.noises[change.source].step.filter(|_| change.is_level());
+    let since = step.and_then(|step| match step.rows {
+        RowsOfLevel::From(row) => model.time_s.get(row).copied(),
+        RowsOfLevel::Above { .. } => None,
+    });
+    since.unwrap_or_default()
+}
+
+/// What readings show of themselves beside what a description tells of them.
+pub fn of_readings(rows: &OverRows<'_>, prepared: &mut Prepared) -> Vec<Finding> {
+    let problem = rows.bench.problem;
+    let terms: Vec<Term> = rows.description.placed.iter().map(|placed| placed.term.clone()).collect();
+    let described = (terms.as_slice(), rows.description.noises.as_slice());
+    let amplitudes = rows.amplitudes_of_model();
+    prepared.faults.spikes_beside(&prepared.unmasked, &problem.candidates, described, &amplitudes);
+    prepared.faults.found.iter().filter_map(|fault| of_fault(rows, fault)).collect()
+}
+
+fn of_fault(rows: &OverRows<'_>, fault: &Fault) -> Option<Finding> {
+    let (problem, model) = (rows.bench.problem, rows.bench.problem.model);
+    let is_it = |search: &Search| matches!(search, Search::Readings(found) if *found == fault.fault);
+    let candidate = (CATALOGUE.iter())
+        .flat_map(|effect: &'static Effect| (effect.candidates)(effect, problem.inputs))
+        .find(|it| is_it(&it.search) && it.target == Target::Sensor(fault.sensor))?;
+    let series = problem.inputs.recording.sensors.get(fault.sensor)?;
+    let named = target_name(model, &candidate);
+    let sensor = if named.is_empty() { series.sensor.id.clone() } else { named };
+    let unit = series.written_unit;
+    let at = |row: usize| problem.time_s().get(row).copied().unwrap_or_default();
+    let parameter = |&(name, value, in_unit): &(&str, f64, bool)| {
+        let (value, sigma, unit) = match name {
+            // In the step before or after the first of the equal readings, whether that is the last that was live or
+            // the first that was not: uniform over both.
+            "onset_s" => (at(value as usize), Some(model.step_s / 3.0_f64.sqrt()), "s"),
+            // A lattice is one of which no reading is farther off than so.
+            "step" => (value / unit.in_si(), Some(OFF_LATTICE * value / unit.in_si()), unit.name()),
+            _ if in_unit => (value / unit.in_si(), None, unit.name()),
+            _ => (value, None, "1"),
+        };
+        let (value, unit) = (Some(value), Some(unit.to_owned()));
+        Parameter { name: name.to_owned(), value, sigma, unit, ..Parameter::default() }
+    };
+    let parameters: Vec<Parameter> = fault.parameters.iter().map(parameter).collect();
+    let interval_s = [at(fault.rows.0), at(fault.rows.1.saturating_sub(1)) + model.step_s];
+    let mut class = vec![candidate.effect.id.to_owned()];
+    // Steps that are coarser than all that it reads leave one level as well.
+    let mut present = series.values.iter().filter(|value| value.is_finite());
+    let first = present.next();
+    if fault.fault == ReadingFault::Stuck && present.all(|value| Some(value) == first) {
+        let coarse = |effect: &&Effect| effect.is_coarse_output();
+        class.extend(CATALOGUE.iter().find(coarse).map(|effect| effect.id.to_owned()));
+    }
+    let ln_odds = fault.evidence + problem.config.ln_odds_of_faults;
+    Some(Finding {
+        sentence: sentence(&candidate, &sensor, &parameters, interval_s, problem.time_s()),
+        rivals: same_in_parity(model, fault, &candidate),
+        sensor,
+        effect: candidate.effect.id.to_owned(),
+        class,
+        interval_s,
+        parameters,
+        evidence: Evidence { gain_nats: fault.evidence, p_value: (1.0 + ln_odds.exp()).recip() },
+        noise_shift: Vec::new(),
+    })
+}
+
+/// The other sensors whose spikes look the same: of a pair that is only compared with each other, and of a single parity
+/// relation, a spike may be any one's.
+fn same_in_parity(model: &Model, fault: &Fault, candidate: &Candidate) -> Vec<Rival> {
+    let block = model.block_of(fault.sensor).and_then(|block| model.blocks.get(block));
+    let Some(block) = block.filter(|_| fault.fault == ReadingFault::Outliers) else { return Vec::new() };
+    let Some(place) = block.sensors.iter().position(|&sensor| sensor == fault.sensor) else {
+        return Vec::new();
+    };
+    let alike = block.alike(place);
+    let probability = (alike.len() as f64).max(1.0).recip();
+    let others = alike.into_iter().map(|place| block.sensors[place]);
+    (others.filter(|&sensor| sensor != fault.sensor))
+        .filter_map(|sensor| model.sources.get(model.source_of(sensor, candidate.port)?))
+        .map(|source| Rival {
+            sensor: source.name.clone(),
+            effect: candidate.effect.id.to_owned(),
+            principal_angle_deg: f64::NAN,
+            behind_nats: -probability.ln(),
+            separated_by: candidate.effect.separated_by.to_owned(),
+            together_with: None,
+        })
+        .collect()
 }
 
 /// Physics before what is none, of each the surest first.

@@ -7,7 +7,7 @@ use crate::second::noise::trust::ln_sum;
 use crate::second::search::beam::Beam;
 use crate::second::search::beside::Beside;
 use crate::second::search::library::{Shelf, offers};
-use crate::second::search::moves::{Item, items, structure};
+use crate::second::search::moves::{Item, items, reached_by, structure};
 use crate::second::search::scans::scans;
 
 /// What an item may be.
@@ -15,10 +15,17 @@ use crate::second::search::scans::scans;
 pub struct Posterior {
     /// The item of the best description.
     pub item: Item,
-    /// Probability that it or another in its place is there.
-    pub probability: f64,
+    /// Logarithm of the odds that it or another in its place is there.
+    pub ln_odds: f64,
     /// The candidates that may be it, the most probable first, each with its probability given that one of them is.
     pub class: Vec<(usize, f64)>,
+}
+
+impl Posterior {
+    /// Probability that it or another in its place is there.
+    pub fn probability(&self) -> f64 {
+        (1.0 + (-self.ln_odds).exp()).recip()
+    }
 }
 
 /// The items of the best description with their probabilities.
@@ -51,14 +58,19 @@ pub fn posterior(bench: &Bench<'_>, library: &[Shelf], beam: &Beam) -> Vec<Poste
         let mut class: Vec<(usize, f64)> =
             members.into_iter().map(|(member, all)| (member, ln_sum(all.iter().copied()))).collect();
         let present = ln_sum(class.iter().map(|(_, ln)| *ln));
-        let all = ln_sum(absent.iter().copied().chain([present]));
+        if absent.is_empty() {
+            // A level is never taken out of the record that it has whitened; what had none is its absence.
+            let lacks = |(other, _): &&(Structure, f64)| other.iter().all(|(known, _)| *known != candidate);
+            absent.extend(scored.iter().filter(lacks).map(|(_, ln_evidence)| *ln_evidence));
+        }
+        let ln_odds = present - ln_sum(absent.iter().copied());
         for (_, ln) in &mut class {
             *ln = (*ln - present).exp();
         }
         class.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
         let least = class.first().map_or(0.0, |(_, most)| most * problem.config.least_class_probability);
         class.retain(|(_, probability)| *probability >= least);
-        Posterior { item, probability: (present - all).exp(), class }
+        Posterior { item, ln_odds, class }
     };
     items(best).into_iter().map(of).collect()
 }
@@ -75,7 +87,8 @@ fn not_fitted(bench: &Bench<'_>, library: &[Shelf], best: &Description, item: It
     let of_own = beside.ln_gain(&described, &own.regressors, candidate, own.term.unit_amplitude)
         + own.ln_spread
         + bench.problem.ln_prior[own.term.candidate];
-    (offers(&beside, library).into_iter().chain(scans(&beside)))
+    let among = reached_by(bench, best, item);
+    (offers(&beside, library, &among).into_iter().chain(scans(&beside, &among)))
         .map(|offer| (offer.candidate, best.ln_evidence + offer.ln_gain - of_own))
         .filter(|(_, ln_evidence)| ln_evidence.is_finite())
         .collect()

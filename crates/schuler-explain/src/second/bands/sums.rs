@@ -50,6 +50,8 @@ pub struct Sums {
     pub filter: Filter,
     /// How the sensor at each place enters the channels; one of (1) where there is one channel.
     pub vectors: Vec<DVector<f64>>,
+    /// Power by which each source of a block of one channel enters it, by band; 1 in redundant blocks, which have their vectors.
+    pub through: Vec<Vec<f64>>,
     /// Spectrum by which the record was whitened, by band.
     pub base: Vec<f64>,
     /// Transforms of the channels.
@@ -75,12 +77,15 @@ impl Sums {
         } else {
             vec![DVector::from_element(1, 1.0)]
         };
+        let through: Vec<Vec<f64>> = (0..block.sources.len())
+            .map(|place| layout.omega.iter().map(|&omega| power_through(block, place, omega)).collect())
+            .collect();
         let (filter, base) = if block.is_redundant() {
             let noise = noise_in_the_middle(block, noises);
             let base = layout.omega.iter().map(|&omega| noise.spectrum(omega, block.step_s())).collect();
             (Filter::new(&space(&noise, block.step_s()), &block.present)?, base)
         } else {
-            let base = layout.omega.iter().map(|&omega| total_spectrum(block, noises, omega)).collect();
+            let base = total_spectrum(block, noises, &layout.omega, &through);
             (block.filter(noises)?, base)
         };
         let half_log_determinant = 0.5 * filter.log_variances * block.channels as f64;
@@ -88,6 +93,7 @@ impl Sums {
             layout,
             filter,
             vectors,
+            through,
             base,
             channels: Vec::new(),
             between_channels: Vec::new(),
@@ -241,13 +247,23 @@ impl Sums {
     }
 }
 
-/// Spectrum of all sources of a block of one channel at `omega` rad a row.
-pub fn total_spectrum(block: &Block, noises: &[Noise], omega: f64) -> f64 {
-    let of = |(place, &source): (usize, &usize)| {
-        let through: f64 = block.noise_transfer(place, omega).iter().map(nalgebra::Complex::norm_sqr).sum();
-        through * noises[source].spectrum(omega, block.step_s())
+/// Power by which a source enters a block of one channel at `omega` rad a row.
+fn power_through(block: &Block, place: usize, omega: f64) -> f64 {
+    if block.is_redundant() {
+        return 1.0;
+    }
+    block.noise_transfer(place, omega).iter().map(nalgebra::Complex::norm_sqr).sum()
+}
+
+/// Spectrum of all sources of a block of one channel at frequencies in rad a row, of which `through` is the power by which each enters.
+fn total_spectrum(block: &Block, noises: &[Noise], omega: &[f64], through: &[Vec<f64>]) -> Vec<f64> {
+    let of_band = |(band, &omega): (usize, &f64)| {
+        let of = |(&source, through): (&usize, &Vec<f64>)| {
+            through[band] * noises[source].spectrum(omega, block.step_s())
+        };
+        block.sources.iter().zip(through).map(of).sum()
     };
-    block.sources.iter().enumerate().map(of).sum()
+    omega.iter().enumerate().map(of_band).collect()
 }
 
 /// Of the noises of a redundant block that whose white level is in the middle.

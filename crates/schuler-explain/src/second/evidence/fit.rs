@@ -2,17 +2,19 @@
 //!
 //! ln E = Σ ln mean over ν of L(ν) of each block + prior of the amplitudes + ½ k ln 2π − ½ ln det of their information (Laplace) + what
 //! parameters that are not linear and those of the noise cost + prior odds. Constants that nobody knows have a flat prior.
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
 use super::amplitude::{ln_plausibility, ln_prior};
-use super::regressor::Regressor;
+use super::regressor::{Regressor, regressors};
 use super::system::{Described, Solved, System, root_of};
-use crate::catalogue::NoiseChange;
-use crate::description::Term;
+use crate::catalogue::{Column, NoiseChange, Port};
+use crate::description::{Delays, Term};
 use crate::noise::{Knob, Noise};
 use crate::second::bands::sums::Sums;
+use crate::second::evidence::late::{delays_of, late_columns};
 use crate::second::noise::fit::{Observed, SourceKnob, occam};
 use crate::second::noise::trust::ln_mean;
 use crate::second::noise::weights::{Covariances, Weights};
@@ -27,6 +29,8 @@ pub struct Placed {
     pub regressors: Arc<Vec<Regressor>>,
     /// Mean of the evidence over the parameters in which it is not linear, less the largest, nats.
     pub ln_spread: f64,
+    /// How late it comes by the delays that are described.
+    pub delays: Delays,
 }
 
 impl Placed {
@@ -101,6 +105,8 @@ pub struct Bench<'b> {
     pub sums: Vec<Option<Sums>>,
     /// Constants that nobody knows.
     pub constants: Vec<Regressor>,
+    /// Their places among those of the model; those that reach nothing are left out.
+    pub constant_places: Vec<usize>,
 }
 
 impl Description {
@@ -133,13 +139,41 @@ impl Description {
         free
     }
 
+    /// Amplitudes of the columns of each effect: 1 of those that have none, 0 of those that something else describes.
+    pub fn amplitudes_of_effects(&self, bench: &Bench<'_>) -> Vec<Vec<f64>> {
+        self.amplitudes_of_effects_at(bench, &self.amplitudes)
+    }
+
+    /// The same at given amplitudes of all regressors.
+    pub fn amplitudes_of_effects_at(&self, bench: &Bench<'_>, amplitudes: &DVector<f64>) -> Vec<Vec<f64>> {
+        let mut all = amplitudes.iter().skip(bench.constants.len());
+        let mut of_effect = |placed: &Placed| {
+            let own = placed.regressors.iter().zip(all.by_ref());
+            own.map(|(regressor, value)| if regressor.parts.is_empty() { 0.0 } else { *value }).collect()
+        };
+        self.placed.iter().map(&mut of_effect).collect()
+    }
+
     /// Number of items.
     pub fn items(&self) -> usize {
         self.placed.len() + self.changes.len()
     }
 }
 
-impl Bench<'_> {
+impl<'b> Bench<'b> {
+    /// The sums of all blocks whitened by given noises.
+    pub fn new(problem: &'b Problem<'b>, noises: &[Noise]) -> Self {
+        let model = problem.model;
+        let sums: Vec<Option<Sums>> =
+            model.blocks.iter().map(|block| Sums::new(block, noises, problem.config)).collect();
+        let (constant_places, constants) = regressors(model, &sums, &model.constants, Port::Output)
+            .into_iter()
+            .enumerate()
+            .filter(|(_, constant)| !constant.parts.is_empty())
+            .unzip();
+        Self { problem, sums, constants, constant_places }
+    }
+
     /// The description fitted in every block.
     pub fn fitted_whole(&self, description: &Description) -> Option<Description> {
         let is_there = |&block: &usize| self.sums[block].is_some();
@@ -150,6 +184,7 @@ impl Bench<'_> {
     /// The description fitted where `touched`: the better of what two starts lead to, from full trust and from the weights that it
     /// has. None where it cannot be told from a part of itself.
     pub fn fitted(&self, description: &Description, touched: &[usize]) -> Option<Description> {
+        let description = &*self.as_late(description);
         let trusting = self.with_full_trust(description, touched)?;
         let first = self.converged(trusting, touched);
         let is_robust =
@@ -161,6 +196,36 @@ impl Bench<'_> {
             (Some(first), _) => Some(first),
             (None, second) => second,
         }
+    }
+
+    /// The description with the effects of the motion as late as its delays make the readings.
+    fn as_late<'d>(&self, description: &'d Description) -> Cow<'d, Description> {
+        let delays = delays_of(description.placed.iter());
+        let of_term = |term: &Term| {
+            if delays.move_term(term) { delays.among(&term.sensors()) } else { Delays::default() }
+        };
+        if description.placed.iter().all(|placed| placed.delays == of_term(&placed.term)) {
+            return Cow::Borrowed(description);
+        }
+        let mut late = description.clone();
+        for placed in &mut late.placed {
+            let delays = of_term(&placed.term);
+            if placed.delays != delays {
+                let columns = late_columns(self.problem.model, &delays, &placed.term);
+                placed.regressors = self.whitened_as(&columns, placed);
+                placed.delays = delays;
+            }
+        }
+        Cow::Owned(late)
+    }
+
+    /// The columns of an effect whitened; those that something else describes stay left out.
+    pub fn whitened_as(&self, columns: &[Column], placed: &Placed) -> Arc<Vec<Regressor>> {
+        let whitened = regressors(self.problem.model, &self.sums, columns, placed.term.port);
+        let as_before = |(now, before): (Regressor, &Regressor)| {
+            if before.parts.is_empty() { Regressor::default() } else { now }
+        };
+        Arc::new(whitened.into_iter().zip(placed.regressors.iter()).map(as_before).collect())
     }
 
     fn with_full_trust(&self, description: &Description, touched: &[usize]) -> Option<Description> {

@@ -66,27 +66,34 @@ impl Observed<'_> {
         bands.map(of).sum()
     }
 
-    /// The derivatives of one channel.
-    fn derivatives_of_one(
-        &self,
-        noises: &[Noise],
-        free: &[SourceKnob],
-    ) -> Option<(DVector<f64>, DMatrix<f64>)> {
-        let here = levels(self.block, self.sums, noises)?;
-        let moved = |&knob: &SourceKnob| levels(self.block, self.sums, &raised(noises, knob));
-        let moved: Vec<Vec<f64>> = free.iter().map(moved).collect::<Option<_>>()?;
-        let size = free.len();
+    /// Gradient and information of the logarithms of the free parameters.
+    ///
+    /// A source at place p adds its spectrum times v_p v_pᵀ to the covariance C of the channels, so that with A = Vᵀ C⁻¹ V and
+    /// B = Vᵀ C⁻¹ R C⁻¹ V a change of the spectrum by δ changes the likelihood by ½ δ (ω B_pp − K A_pp), and two by the information
+    /// ½ K A_pq² δ δ′.
+    fn derivatives(&self, noises: &[Noise], free: &[SourceKnob]) -> Option<(DVector<f64>, DMatrix<f64>)> {
+        let (sums, block) = (self.sums, self.block);
+        let reaches = self.reaches(noises)?;
+        let place_of = |source: usize| block.sources.iter().position(|&own| own == source);
+        let places: Vec<usize> = free.iter().map(|&(source, _)| place_of(source)).collect::<Option<_>>()?;
+        let raised: Vec<Noise> = free.iter().map(|&knob| raised(noises, knob)).collect();
+        let (size, width) = (free.len(), sums.width() as f64);
         let (mut gradient, mut information) = (DVector::zeros(size), DMatrix::zeros(size, size));
-        for (band, (level, count)) in here.iter().zip(&self.sums.layout.count).enumerate() {
-            let quadratic = self.power[band][(0, 0)].max(0.0) / level;
-            let excess = trust::weight(*count, 1.0, quadratic, self.nu) * quadratic - count;
-            let believed = if self.nu.is_infinite() { *count } else { count * self.nu / (self.nu + count) };
+        for (band, reach) in reaches.iter().enumerate() {
+            let (omega, base, count) = (sums.layout.omega[band], sums.base[band], sums.layout.count[band]);
+            let believed = if self.nu.is_infinite() { 1.0 } else { self.nu / (self.nu + count * width) };
+            let weight = trust::weight(count, width, reach.quadratic, self.nu);
+            let change = |i: usize| {
+                let here = noises[free[i].0].spectrum(omega, block.step_s());
+                (raised[i].spectrum(omega, block.step_s()) - here) / (base * DIFFERENCE)
+            };
+            let changes: Vec<f64> = (0..size).map(change).collect();
             for i in 0..size {
-                let change = (moved[i][band] / level).ln() / DIFFERENCE;
-                gradient[i] += 0.5 * excess * change;
+                let own = places[i];
+                gradient[i] += 0.5 * changes[i] * (weight * reach.shown[own] - count * reach.of(own, own));
                 for j in 0..=i {
-                    let other = (moved[j][band] / level).ln() / DIFFERENCE;
-                    information[(i, j)] += 0.5 * believed * change * other;
+                    let both = reach.of(own, places[j]);
+                    information[(i, j)] += 0.5 * count * believed * changes[i] * changes[j] * both * both;
                 }
             }
         }
@@ -94,38 +101,35 @@ impl Observed<'_> {
         Some((gradient, information))
     }
 
-    /// Gradient and information of the logarithms of the free parameters.
-    fn derivatives(&self, noises: &[Noise], free: &[SourceKnob]) -> Option<(DVector<f64>, DMatrix<f64>)> {
-        if self.sums.width() == 1 {
-            return self.derivatives_of_one(noises, free);
+    /// How the sources reach each band.
+    fn reaches(&self, noises: &[Noise]) -> Option<Vec<Reach>> {
+        let (sums, block) = (self.sums, self.block);
+        if sums.width() == 1 {
+            let levels = levels(block, sums, noises)?;
+            let of_band = |(band, level): (usize, f64)| {
+                let quadratic = self.power[band][(0, 0)].max(0.0) / level;
+                let through = |place: usize| {
+                    let vector = sums.vectors.get(place).filter(|_| block.is_redundant());
+                    vector.map_or_else(|| sums.through[place][band], |vector| vector[0] * vector[0])
+                };
+                let roots: Vec<f64> =
+                    (0..block.sources.len()).map(|place| (through(place) / level).sqrt()).collect();
+                let between = DMatrix::from_fn(roots.len(), roots.len(), |i, j| roots[i] * roots[j]);
+                let shown = roots.iter().map(|root| root * root * quadratic).collect();
+                Reach { quadratic, between, shown }
+            };
+            return Some(levels.into_iter().enumerate().map(of_band).collect());
         }
-        let here = Covariances::new(self.block, self.sums, noises)?;
-        let moved = |&knob: &SourceKnob| Covariances::new(self.block, self.sums, &raised(noises, knob));
-        let moved: Vec<Covariances> = free.iter().map(moved).collect::<Option<_>>()?;
-        let (size, width) = (free.len(), self.sums.width() as f64);
-        let (mut gradient, mut information) = (DVector::zeros(size), DMatrix::zeros(size, size));
-        for (band, quadratic) in here.quadratics(self.power).into_iter().enumerate() {
-            let count = self.sums.layout.count[band];
-            let believed = if self.nu.is_infinite() { 1.0 } else { self.nu / (self.nu + count * width) };
-            let weight = trust::weight(count, width, quadratic, self.nu);
-            let covariance = here.inverse[band].clone().try_inverse()?;
-            // C ∂C⁻¹/∂θ.
-            let changes: Vec<DMatrix<f64>> = (moved.iter())
-                .map(|moved| &covariance * (&moved.inverse[band] - &here.inverse[band]) / DIFFERENCE)
-                .collect();
-            for i in 0..size {
-                let change = &moved[i].inverse[band] - &here.inverse[band];
-                let of_quadratic = change.dot(&self.power[band]) / DIFFERENCE;
-                let of_determinant = (moved[i].ln_determinant[band] - here.ln_determinant[band]) / DIFFERENCE;
-                gradient[i] -= 0.5 * (weight * of_quadratic + count * of_determinant);
-                for j in 0..=i {
-                    let both = changes[i].dot(&changes[j].transpose());
-                    information[(i, j)] += 0.5 * count * believed * both;
-                }
-            }
-        }
-        information.fill_upper_triangle_with_lower_triangle();
-        Some((gradient, information))
+        let covariances = Covariances::new(block, sums, noises)?;
+        let quadratics = covariances.quadratics(self.power);
+        let vectors = DMatrix::from_columns(&sums.vectors);
+        let of_band = |((inverse, quadratic), power): ((&DMatrix<f64>, f64), &DMatrix<f64>)| {
+            let whitened = inverse * &vectors;
+            let seen = power * &whitened;
+            let shown = whitened.column_iter().zip(seen.column_iter()).map(|(a, b)| a.dot(&b)).collect();
+            Reach { quadratic, between: vectors.tr_mul(&whitened), shown }
+        };
+        Some(covariances.inverse.iter().zip(quadratics).zip(self.power).map(of_band).collect())
     }
 
     /// The best noises with the parameters `free` at their best, from `noises` on; none where they are singular.
@@ -181,12 +185,27 @@ impl Observed<'_> {
     }
 }
 
-/// The noises with the logarithm of a parameter a little larger.
-fn raised(noises: &[Noise], (source, knob): SourceKnob) -> Vec<Noise> {
-    let mut noises = noises.to_vec();
-    let value = noises[source].get(knob);
-    noises[source].set(knob, value * DIFFERENCE.exp());
-    noises
+/// How the sources of a block reach the coefficients of a band.
+struct Reach {
+    /// Squares of the coefficients in the metric of their covariance.
+    quadratic: f64,
+    /// Vᵀ C⁻¹ V.
+    between: DMatrix<f64>,
+    /// Diagonal of Vᵀ C⁻¹ R C⁻¹ V.
+    shown: Vec<f64>,
+}
+
+impl Reach {
+    fn of(&self, one: usize, other: usize) -> f64 {
+        self.between[(one, other)]
+    }
+}
+
+/// A noise with the logarithm of a parameter a little larger.
+fn raised(noises: &[Noise], (source, knob): SourceKnob) -> Noise {
+    let mut noise = noises[source].clone();
+    noise.set(knob, noise.get(knob) * DIFFERENCE.exp());
+    noise
 }
 
 /// What the evidence loses by the parameters that are free: the logarithm of the part of their range that they are left with.

@@ -4,7 +4,7 @@ use nalgebra::DMatrix;
 use super::trust;
 use crate::noise::Noise;
 use crate::nominal::Block;
-use crate::second::bands::sums::{Sums, total_spectrum};
+use crate::second::bands::sums::Sums;
 
 /// Covariances of the channels by band, in units of the spectrum that the record was whitened by.
 #[derive(Clone)]
@@ -77,19 +77,19 @@ impl Covariances {
 /// Variances of the one channel of a block by band, in units of the spectrum that the record was whitened by; none where a band
 /// has no noise.
 pub fn levels(block: &Block, sums: &Sums, noises: &[Noise]) -> Option<Vec<f64>> {
-    let of_band = |(&omega, base): (&f64, &f64)| {
-        let total = if block.is_redundant() {
-            let of = |(vector, &source): (&nalgebra::DVector<f64>, &usize)| {
-                vector[0] * vector[0] * noises[source].spectrum(omega, block.step_s())
+    let of_band = |(band, (&omega, base)): (usize, (&f64, &f64))| {
+        let of = |(place, &source): (usize, &usize)| {
+            let through = if block.is_redundant() {
+                sums.vectors[place][0] * sums.vectors[place][0]
+            } else {
+                sums.through[place][band]
             };
-            sums.vectors.iter().zip(&block.sources).map(of).sum()
-        } else {
-            total_spectrum(block, noises, omega)
+            through * noises[source].spectrum(omega, block.step_s())
         };
-        let level = total / base;
+        let level = block.sources.iter().enumerate().map(of).sum::<f64>() / base;
         (level > 0.0 && level.is_finite()).then_some(level)
     };
-    sums.layout.omega.iter().zip(&sums.base).map(of_band).collect()
+    sums.layout.omega.iter().zip(&sums.base).enumerate().map(of_band).collect()
 }
 
 /// What the bands count.

@@ -3,8 +3,9 @@ use std::collections::HashSet;
 
 use rayon::prelude::*;
 
+use super::known::Known;
 use super::library::Shelf;
-use super::moves::{items, structure, with_one_more, without};
+use super::moves::{Item, items, reached_by, structure, with_one_more, without};
 use super::telegraph::with_telegraph;
 use crate::second::evidence::fit::{Bench, Description};
 
@@ -14,8 +15,6 @@ pub struct Beam {
     pub descriptions: Vec<Description>,
     /// Structure and evidence of descriptions of the record whitened otherwise.
     pub others: Vec<(Structure, f64)>,
-    /// Number of descriptions whose neighbours were sought.
-    pub expanded: usize,
 }
 
 /// What makes descriptions the same but for the values of their parameters.
@@ -29,9 +28,8 @@ pub fn search(bench: &Bench<'_>, library: &[Shelf], start: Description) -> Beam 
     if kept.jump(bench) {
         kept.expand(bench, library);
     }
-    let expanded = kept.expanded.len();
     let descriptions = kept.known.into_iter().map(|(_, description)| description).collect();
-    Beam { descriptions, others: Vec::new(), expanded }
+    Beam { descriptions, others: Vec::new() }
 }
 
 /// The descriptions that are known, one of each structure.
@@ -40,8 +38,10 @@ struct Kept {
     known: Vec<(Structure, Description)>,
     /// Those whose neighbours were sought.
     expanded: HashSet<Structure>,
-    /// Those to which an item more was sought.
-    extended: HashSet<Structure>,
+    /// Those to which an item more was sought, and in which blocks.
+    extended: HashSet<(Structure, Vec<usize>)>,
+    /// What was computed of their parts.
+    parts: Known,
 }
 
 impl Kept {
@@ -60,14 +60,16 @@ impl Kept {
                 return;
             };
             self.expanded.insert(of);
+            // What is added elsewhere than where something is left out is two moves, each of which has its turn.
             let mut bases = neighbours_below(bench, &description);
-            let mut found = bases.clone();
+            let mut found: Vec<Description> = bases.iter().map(|(base, _)| base.clone()).collect();
             if description.items() < config.most_items {
-                bases.push(description);
+                let all = (0..bench.sums.len()).filter(|&block| bench.sums[block].is_some()).collect();
+                bases.push((description, all));
             }
-            for base in bases {
-                if self.extended.insert(structure(&base)) {
-                    found.extend(with_one_more(bench, library, &base));
+            for (base, among) in bases {
+                if self.extended.insert((structure(&base), among.clone())) {
+                    found.extend(with_one_more(bench, library, &self.parts, &base, (&among, best)));
                 }
             }
             self.take(found);
@@ -77,7 +79,8 @@ impl Kept {
     /// Seeks a telegraph beside the best description and in the place of each of its items; whether there is a better one by it.
     fn jump(&mut self, bench: &Bench<'_>) -> bool {
         let best = self.known[0].1.clone();
-        let mut bases = neighbours_below(bench, &best);
+        let mut bases: Vec<Description> =
+            neighbours_below(bench, &best).into_iter().map(|(base, _)| base).collect();
         bases.push(best.clone());
         let found: Vec<Description> =
             bases.par_iter().flat_map_iter(|base| with_telegraph(bench, base)).collect();
@@ -99,7 +102,9 @@ impl Kept {
     }
 }
 
-/// The descriptions that lack one item of another.
-fn neighbours_below(bench: &Bench<'_>, description: &Description) -> Vec<Description> {
-    items(description).par_iter().filter_map(|&item| without(bench, description, item)).collect()
+/// The descriptions that lack one item of another, with the blocks that it reached.
+fn neighbours_below(bench: &Bench<'_>, description: &Description) -> Vec<(Description, Vec<usize>)> {
+    let without =
+        |&item: &Item| Some((without(bench, description, item)?, reached_by(bench, description, item)));
+    items(description).par_iter().filter_map(without).collect()
 }

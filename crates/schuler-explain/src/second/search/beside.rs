@@ -135,4 +135,12 @@ impl Normal {
     pub fn amplitudes(&self) -> Option<DVector<f64>> {
         Some(root_of(&self.information)?.solve(&self.scores))
     }
+
+    /// Covariance of the amplitudes.
+    pub fn covariance(&self) -> Option<DMatrix<f64>> {
+        let root = root_of(&self.information)?;
+        let size = self.kept.len();
+        let column = |i: usize| root.solve(&DVector::from_fn(size, |j, _| f64::from(u8::from(i == j))));
+        Some(DMatrix::from_columns(&(0..size).map(column).collect::<Vec<_>>()))
+    }
 }

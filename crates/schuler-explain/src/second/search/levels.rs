@@ -131,6 +131,69 @@ fn ratio_of(block: &Block, innovations: &[f64], rows: RowsOfLevel) -> Option<f64
     ratio.is_finite().then_some(ratio)
 }
 
+/// What the innovations leave open of a level.
+pub struct LevelSpread {
+    /// Standard deviation of the logarithm of its ratio.
+    pub of_ln_ratio: f64,
+    /// What the likelihood falls by where it begins so many rows later or earlier, whichever falls less; empty where it does not
+    /// begin at a time.
+    falls: Vec<f64>,
+}
+
+impl LevelSpread {
+    /// What the likelihood falls by at some rows from where the level begins.
+    pub fn fall(&self, rows: f64) -> f64 {
+        let place = (rows.round() as usize).min(self.falls.len().saturating_sub(1));
+        self.falls.get(place).copied().unwrap_or(f64::INFINITY)
+    }
+}
+
+/// What the innovations of a description with a level leave open of it.
+pub fn spread_of_level(
+    bench: &Bench<'_>,
+    description: &Description,
+    index: usize,
+    step: VarianceStep,
+) -> Option<LevelSpread> {
+    let block = &bench.problem.model.blocks[index];
+    let innovations = innovations(bench, description, index)?;
+    let is_in = block.rows_of_level(step.rows);
+    let present: Vec<usize> = (0..block.rows()).filter(|&row| block.present[row]).collect();
+    let within = present.iter().filter(|&&row| is_in[row]).count() as f64;
+    let beyond = present.len() as f64 - within;
+    let of_ln_ratio = (0.5 / within + 0.5 / beyond).sqrt();
+    let mut falls = Vec::new();
+    if let RowsOfLevel::From(first) = step.rows {
+        // What the white level makes of the whole.
+        let white_part = white_part(bench, index, &description.noises[own_source(block)]);
+        let ratio = (1.0 + white_part * (step.ratio * step.ratio - 1.0)).sqrt();
+        let place = present.partition_point(|&row| row < first);
+        // A row of the level taken for one before it, and one before it for one of the level.
+        let late = |e: &f64| 0.5 * (ratio * e).powi(2) - 0.5 * e * e - ratio.ln();
+        let early = |e: &f64| 0.5 * (e / ratio).powi(2) - 0.5 * e * e + ratio.ln();
+        let summed = |falls: Vec<f64>| {
+            let sum = |sum: &mut f64, fall: f64| {
+                *sum += fall;
+                Some(*sum)
+            };
+            falls.into_iter().scan(0.0, sum).collect::<Vec<f64>>()
+        };
+        let later = summed(innovations[place..].iter().map(late).collect());
+        let earlier = summed(innovations[..place].iter().rev().map(early).collect());
+        let longest = later.len().max(earlier.len());
+        let at = |falls: &[f64], rows: usize| falls.get(rows).copied().unwrap_or(f64::INFINITY);
+        falls = std::iter::once(0.0)
+            .chain((0..longest).map(|rows| at(&later, rows).min(at(&earlier, rows))))
+            .collect();
+    }
+    Some(LevelSpread { of_ln_ratio, falls })
+}
+
+/// The source of a block of one sensor.
+fn own_source(block: &Block) -> usize {
+    block.sources.first().copied().unwrap_or_default()
+}
+
 /// Two levels in the innovations.
 struct Found {
     rows: RowsOfLevel,

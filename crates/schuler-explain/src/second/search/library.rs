@@ -5,12 +5,13 @@ use nalgebra::DVector;
 use rayon::prelude::*;
 
 use super::beside::Beside;
+use super::late::columns_beside;
 use crate::catalogue::{Candidate, Column, Nonlinear, Search};
-use crate::description::Term;
-use crate::description::columns;
+use crate::description::{Delays, Term, columns};
 use crate::minimise::golden;
 use crate::second::bands::sums::Sums;
 use crate::second::evidence::fit::{Bench, Description, Placed};
+use crate::second::evidence::late::{delays_of, late_columns};
 use crate::second::evidence::regressor::{Regressor, regressors};
 use crate::second::evidence::system::{Described, root_of};
 use crate::second::noise::trust::ln_mean;
@@ -34,6 +35,8 @@ pub struct Shelf {
     pub candidate: usize,
     /// Whether its amplitudes are 1.
     pub is_unit: bool,
+    /// The blocks that it reaches.
+    pub blocks: Vec<usize>,
     /// Points of its grid, one empty point of a linear one, with the signature there.
     pub points: Vec<(Vec<f64>, Arc<Vec<Regressor>>)>,
 }
@@ -45,6 +48,8 @@ pub struct Offer {
     pub candidate: usize,
     /// Logarithm of what the evidence is multiplied by, prior odds included.
     pub ln_gain: f64,
+    /// The blocks that it reaches.
+    pub blocks: Vec<usize>,
     /// Its parameters at their best.
     pub point: Vec<f64>,
     /// Mean over its parameters less the best, nats.
@@ -67,7 +72,12 @@ pub fn library(problem: &Problem<'_>, sums: &[Option<Sums>]) -> Vec<Shelf> {
             let whitened = regressors(problem.model, sums, &columns, candidate.port);
             (point, Arc::new(whitened))
         };
-        Some(Shelf { candidate: index, is_unit, points: points.into_par_iter().map(at).collect() })
+        let points: Vec<(Vec<f64>, Arc<Vec<Regressor>>)> = points.into_par_iter().map(at).collect();
+        let parts = points.iter().flat_map(|(_, whitened)| &**whitened).flat_map(|it| &it.parts);
+        let mut blocks: Vec<usize> = parts.map(|part| part.block).collect();
+        blocks.sort_unstable();
+        blocks.dedup();
+        Some(Shelf { candidate: index, is_unit, blocks, points })
     };
     problem.candidates.par_iter().enumerate().filter_map(of).collect()
 }
@@ -83,8 +93,8 @@ fn product(grids: &[&[f64]]) -> Vec<Vec<f64>> {
     })
 }
 
-/// What each candidate would add to a description.
-pub fn offers(beside: &Beside<'_>, library: &[Shelf]) -> Vec<Offer> {
+/// What each candidate that reaches some of the blocks would add to a description.
+pub fn offers(beside: &Beside<'_>, library: &[Shelf], among: &[usize]) -> Vec<Offer> {
     let problem = beside.bench.problem;
     let described = beside.described();
     let is_placed =
@@ -100,12 +110,15 @@ pub fn offers(beside: &Beside<'_>, library: &[Shelf]) -> Vec<Offer> {
         Some(Offer {
             candidate: shelf.candidate,
             ln_gain: mean + problem.ln_prior[shelf.candidate],
+            blocks: shelf.blocks.clone(),
             point: shelf.points[best].0.clone(),
             ln_spread: mean - gains[best],
         })
         .filter(|offer| offer.ln_gain.is_finite())
     };
-    library.par_iter().filter(|shelf| !is_placed(shelf.candidate)).filter_map(of).collect()
+    let is_among = |shelf: &&Shelf| shelf.blocks.iter().any(|block| among.contains(block));
+    let shelves = library.par_iter().filter(is_among).filter(|shelf| !is_placed(shelf.candidate));
+    shelves.filter_map(of).collect()
 }
 
 /// The effect of an offer with its parameters refined between the points of the grid.
@@ -123,12 +136,15 @@ pub fn placed(beside: &Beside<'_>, offer: &Offer) -> Placed {
         (point, ln_spread) = refine.refined(&point, ln_spread);
     }
     let term = Term::new(offer.candidate, candidate, &point, problem.time_s());
-    let mut whitened = regressors(problem.model, &beside.bench.sums, &term.columns, term.port);
+    let delays = delays_of(beside.description.placed.iter());
+    let delays = if delays.move_term(&term) { delays.among(&term.sensors()) } else { Delays::default() };
+    let late = late_columns(problem.model, &delays, &term).into_owned();
+    let mut whitened = regressors(problem.model, &beside.bench.sums, &late, term.port);
     if let Some(normal) = beside.normal(&beside.described(), &whitened) {
         let left_out = |(place, _): &(usize, &mut Regressor)| !normal.kept.contains(place);
         whitened.iter_mut().enumerate().filter(left_out).for_each(|(_, it)| *it = Regressor::default());
     }
-    Placed { term, regressors: Arc::new(whitened), ln_spread }
+    Placed { term, regressors: Arc::new(whitened), ln_spread, delays }
 }
 
 /// The frequency of a line sought beyond the raster of the scan, which is that of the record's length.
@@ -157,7 +173,7 @@ struct Refine<'r> {
 
 impl Refine<'_> {
     fn columns(&self, point: &[f64]) -> Vec<Column> {
-        columns(self.candidate, point, self.beside.bench.problem.time_s())
+        columns_beside(self.beside, self.candidate, point)
     }
 
     fn whitened(&self, columns: &[Column]) -> Vec<Regressor> {
@@ -315,12 +331,8 @@ fn slope(above: &[Column], below: &[Column], amplitudes: &[f64], difference: f64
 pub fn whitened_again(bench: &Bench<'_>, description: &Description) -> Description {
     let mut again = description.clone();
     for placed in &mut again.placed {
-        let whitened = regressors(bench.problem.model, &bench.sums, &placed.term.columns, placed.term.port);
-        let as_before = |(now, before): (Regressor, &Regressor)| {
-            if before.parts.is_empty() { Regressor::default() } else { now }
-        };
-        placed.regressors =
-            Arc::new(whitened.into_iter().zip(placed.regressors.iter()).map(as_before).collect());
+        let columns = late_columns(bench.problem.model, &placed.delays, &placed.term);
+        placed.regressors = bench.whitened_as(&columns, placed);
     }
     again
 }

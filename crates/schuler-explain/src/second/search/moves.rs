@@ -2,18 +2,13 @@
 use rayon::prelude::*;
 
 use super::beside::Beside;
+use super::known::Known;
 use super::library::{Offer, Shelf, offers, placed};
+use super::noises::{Promised, other_noises};
 use super::scans::scans;
-use crate::catalogue::{NoiseChange, Search};
-use crate::description::sensors_of;
+use crate::catalogue::Search;
 use crate::noise::{Knob, Noise};
 use crate::second::evidence::fit::{Bench, Change, Description, Placed};
-use crate::second::evidence::system::System;
-use crate::second::noise::fit::{Observed, occam};
-use crate::second::noise::parts::{Start, starts};
-
-/// Starts of a change of noise, those that fit best, from which it is fitted.
-const STARTS: usize = 2;
 
 /// An item of a description.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,11 +25,25 @@ pub fn items(description: &Description) -> Vec<Item> {
     placed.chain((0..description.changes.len()).map(Item::Change)).collect()
 }
 
+/// The blocks that an item reaches.
+pub fn reached_by(bench: &Bench<'_>, description: &Description, item: Item) -> Vec<usize> {
+    match item {
+        Item::Placed(place) => touched_by(&description.placed[place]),
+        Item::Change(place) => {
+            let source = description.changes[place].source;
+            bench.problem.model.block_of_source(source).into_iter().collect()
+        }
+    }
+}
+
 /// A description without an item, fitted.
 pub fn without(bench: &Bench<'_>, description: &Description, item: Item) -> Option<Description> {
+    let touched = reached_by(bench, description, item);
     let mut less = description.clone();
-    let touched = match item {
-        Item::Placed(place) => touched_by(&less.placed.remove(place)),
+    match item {
+        Item::Placed(place) => {
+            less.placed.remove(place);
+        }
         Item::Change(place) => {
             let change = less.changes.remove(place);
             // The record is whitened by a level, so that it stays.
@@ -42,9 +51,8 @@ pub fn without(bench: &Bench<'_>, description: &Description, item: Item) -> Opti
                 return None;
             }
             take_back(bench, &mut less, &change);
-            bench.problem.model.block_of_source(change.source).into_iter().collect()
         }
-    };
+    }
     bench.fitted(&less, &touched)
 }
 
@@ -104,7 +112,8 @@ pub fn take_back(bench: &Bench<'_>, description: &mut Description, change: &Chan
     description.noises[change.source] = noise;
 }
 
-fn touched_by(placed: &Placed) -> Vec<usize> {
+/// The blocks that an effect reaches.
+pub fn touched_by(placed: &Placed) -> Vec<usize> {
     let mut blocks: Vec<usize> =
         placed.regressors.iter().flat_map(|it| &it.parts).map(|part| part.block).collect();
     blocks.sort_unstable();
@@ -112,16 +121,60 @@ fn touched_by(placed: &Placed) -> Vec<usize> {
     blocks
 }
 
-/// The best of the descriptions that have one item more, fitted.
-pub fn with_one_more(bench: &Bench<'_>, library: &[Shelf], description: &Description) -> Vec<Description> {
+/// The best of the descriptions that have one item more in some of the blocks, fitted; `best` is the evidence of the best that is known.
+pub fn with_one_more(
+    bench: &Bench<'_>,
+    library: &[Shelf],
+    known: &Known,
+    description: &Description,
+    (among, best): (&[usize], f64),
+) -> Vec<Description> {
+    let behind = best - description.ln_evidence;
+    let with_effect = |(candidate, placed): &(usize, Placed)| {
+        let touched = touched_by(placed);
+        known.if_worth(bench, description, &touched, *candidate, || {
+            let mut more = description.clone();
+            more.placed.push(placed.clone());
+            bench.fitted(&more, &touched)
+        })
+    };
+    let effects = effects(bench, library, known, description, (among, behind));
+    let mut all: Vec<Description> = effects.par_iter().filter_map(with_effect).collect();
+    let with_noise = |promised: &Promised| {
+        let Promised { change, noises, block, .. } = promised;
+        known.if_worth(bench, description, &[*block], change.candidate, || {
+            let mut more = description.clone();
+            more.noises.clone_from(noises);
+            more.changes.push(change.clone());
+            bench.fitted(&more, &[*block])
+        })
+    };
+    let mut promised = other_noises(bench, known, description, among);
+    promised.retain(|promised| promised.ln_gain > behind - bench.problem.config.within_reach);
+    all.extend(promised.par_iter().filter_map(with_noise).collect::<Vec<_>>());
+    all
+}
+
+/// The effects that promise most, by full trust in the noise and by that of the description.
+fn effects(
+    bench: &Bench<'_>,
+    library: &[Shelf],
+    known: &Known,
+    description: &Description,
+    (among, behind): (&[usize], f64),
+) -> Vec<(usize, Placed)> {
     let config = bench.problem.config;
     let is_grid =
         |offer: &Offer| matches!(bench.problem.candidates[offer.candidate].search, Search::Grid { .. });
     let best = |mut offers: Vec<Offer>| {
-        let least = config.least_promised;
-        offers.retain(|offer| offer.ln_gain - bench.problem.ln_prior[offer.candidate] > least);
+        let is_promising = |offer: &Offer| {
+            offer.ln_gain - bench.problem.ln_prior[offer.candidate] > config.least_promised
+                && offer.ln_gain > behind - config.within_reach
+        };
+        offers.retain(is_promising);
         offers.sort_by(|a, b| b.ln_gain.total_cmp(&a.ln_gain).then(a.candidate.cmp(&b.candidate)));
         offers.truncate(config.fitted_moves);
+        offers.retain(|offer| !known.is_hopeless(bench, description, &offer.blocks, offer.candidate));
         offers
     };
     let is_robust = description.blocks.iter().flatten().any(|fit| fit.nu.is_finite());
@@ -133,8 +186,8 @@ pub fn with_one_more(bench: &Bench<'_>, library: &[Shelf], description: &Descrip
     for beside in ways.iter().flatten() {
         // A grid may miss the best by much, so that its offers are compared with each other.
         let (grids, linear): (Vec<Offer>, Vec<Offer>) =
-            offers(beside, library).into_iter().partition(is_grid);
-        let chosen: Vec<Offer> = [best(linear), best(grids), best(scans(beside))].concat();
+            offers(beside, library, among).into_iter().partition(is_grid);
+        let chosen: Vec<Offer> = [best(linear), best(grids), best(scans(beside, among))].concat();
         let more: Vec<(usize, Placed)> =
             chosen.par_iter().map(|offer| (offer.candidate, placed(beside, offer))).collect();
         for (candidate, placed) in more {
@@ -146,84 +199,7 @@ pub fn with_one_more(bench: &Bench<'_>, library: &[Shelf], description: &Descrip
             }
         }
     }
-    let with_effect = |(_, placed): &(usize, Placed)| {
-        let mut more = description.clone();
-        let touched = touched_by(placed);
-        more.placed.push(placed.clone());
-        bench.fitted(&more, &touched)
-    };
-    let mut all: Vec<Description> = effects.par_iter().filter_map(with_effect).collect();
-    all.extend(with_other_noise(bench, description));
-    all
-}
-
-/// The best of the descriptions with another noise, fitted.
-fn with_other_noise(bench: &Bench<'_>, description: &Description) -> Vec<Description> {
-    let problem = bench.problem;
-    let searched = |(number, candidate): (usize, &crate::catalogue::Candidate)| match candidate.search {
-        Search::Noise(change) => {
-            let sensor = sensors_of(candidate).first().copied()?;
-            Some((number, problem.model.source_of(sensor, candidate.port)?, change))
-        }
-        _ => None,
-    };
-    let changes: Vec<(usize, usize, NoiseChange)> =
-        problem.candidates.iter().enumerate().filter_map(searched).collect();
-    let mut blocks: Vec<usize> =
-        changes.iter().filter_map(|&(_, source, _)| problem.model.block_of_source(source)).collect();
-    blocks.dedup();
-    let of_block = |&index: &usize| -> Vec<(f64, Change, Vec<Noise>, usize)> {
-        let (Some(sums), Some(fit)) = (&bench.sums[index], &description.blocks[index]) else {
-            return Vec::new();
-        };
-        let block = &problem.model.blocks[index];
-        let system = System { sums: &bench.sums, weights: &description.weights };
-        let power = system.power_left(index, &description.described(bench), &description.amplitudes);
-        let observed = Observed { block, sums, power: &power, nu: fit.nu };
-        let duration_s = sums.rows() as f64 * block.step_s();
-        let mut promised = Vec::new();
-        for &(candidate, source, change) in changes.iter().filter(|change| block.sources.contains(&change.1))
-        {
-            let spread = observed.spread();
-            let known = description.free_in(problem, index);
-            let of_start = |start: Start| {
-                let free: Vec<(usize, Knob)> = start.knobs.iter().map(|&knob| (source, knob)).collect();
-                let mut noises = description.noises.clone();
-                noises[source] = start.noise;
-                let is_new = !free.iter().all(|knob| known.contains(knob));
-                is_new.then(|| (observed.log_likelihood(&noises), start.knobs, free, noises))
-            };
-            let mut starts: Vec<_> =
-                (starts(&description.noises[source], change, spread, block.step_s(), duration_s).into_iter())
-                    .filter_map(of_start)
-                    .collect();
-            starts.sort_by(|a, b| b.0.total_cmp(&a.0));
-            starts.truncate(STARTS);
-            let fitted = starts.into_iter().filter_map(|(_, knobs, free, noises)| {
-                let fitted = observed.fit(&noises, &free, 0.1)?;
-                let cost = occam(&fitted.sigmas, &free, block, sums.rows(), problem.config);
-                let gain = fitted.log_likelihood + cost + problem.ln_prior[candidate];
-                Some((gain, Change { candidate, source, change, knobs, ln_cost: 0.0 }, fitted.noises, index))
-            });
-            promised.extend(fitted.max_by(|a, b| a.0.total_cmp(&b.0)));
-        }
-        let here = observed.log_likelihood(&description.noises);
-        let promises = |(gain, change, ..): &(f64, Change, Vec<Noise>, usize)| {
-            gain - here - problem.ln_prior[change.candidate] > problem.config.least_promised
-        };
-        promised.retain(promises);
-        promised.sort_by(|a, b| b.0.total_cmp(&a.0));
-        promised.truncate(problem.config.fitted_moves);
-        promised
-    };
-    let promised: Vec<_> = blocks.par_iter().flat_map_iter(of_block).collect();
-    let fitted = |(_, change, noises, index): &(f64, Change, Vec<Noise>, usize)| {
-        let mut more = description.clone();
-        more.noises.clone_from(noises);
-        more.changes.push(change.clone());
-        bench.fitted(&more, &[*index])
-    };
-    promised.par_iter().filter_map(fitted).collect()
+    effects
 }
 
 /// What makes descriptions the same but for the values of their parameters.

@@ -32,11 +32,10 @@ struct Impulses {
     free: Vec<usize>,
 }
 
-/// What a step, a ramp or a line of each source would add to a description.
-pub fn scans(beside: &Beside<'_>) -> Vec<Offer> {
+/// What a step, a ramp or a line of each source of some of the blocks would add to a description.
+pub fn scans(beside: &Beside<'_>, among: &[usize]) -> Vec<Offer> {
     let problem = beside.bench.problem;
-    let blocks = 0..problem.model.blocks.len();
-    let of_block = |index: usize| -> Vec<Offer> {
+    let of_block = |&index: &usize| -> Vec<Offer> {
         let (Some(sums), block) = (&beside.bench.sums[index], &problem.model.blocks[index]) else {
             return Vec::new();
         };
@@ -53,7 +52,7 @@ pub fn scans(beside: &Beside<'_>) -> Vec<Offer> {
         };
         problem.candidates.par_iter().enumerate().filter_map(of).flatten().collect()
     };
-    blocks.flat_map(of_block).collect()
+    among.iter().flat_map(of_block).collect()
 }
 
 fn impulses(beside: &Beside<'_>, index: usize, sums: &Sums) -> Impulses {
@@ -257,6 +256,7 @@ impl Source<'_> {
             .map(|place| Offer {
                 candidate,
                 ln_gain: mean + problem.ln_prior[candidate] - (gains[peaks_best(gains)] - gains[place]),
+                blocks: vec![self.index],
                 point: vec![value(place)],
                 ln_spread: mean - gains[peaks_best(gains)],
             })

@@ -1,26 +1,144 @@
 //! A mean that jumps on and off (a random telegraph), which has a likelihood of its own over all rows.
 use std::sync::Arc;
 
-use crate::jump::jumps;
+use rayon::prelude::*;
+use schuler_recording::case::Markov;
+
+use super::beside::Beside;
+use super::moves::touched_by;
+use crate::catalogue::{Candidate, Column, NoiseChange, Port, Target};
+use crate::description::{Delays, Term};
+use crate::jump::Decoded;
+use crate::noise::Knob;
 use crate::second::evidence::fit::{Bench, Description, Placed};
 use crate::second::evidence::regressor::regressors;
-use crate::state::{self, Case};
+use crate::second::evidence::system::System;
+use crate::second::exact::OverRows;
+use crate::second::exact::telegraph::history;
+use crate::second::noise::fit::{Observed, SourceKnob};
+use crate::second::noise::parts::starts;
+
+/// Gain of a further Markov part from which on jumps are sought.
+const WORTH_TRYING: f64 = 3.0;
 
 /// The descriptions that have a telegraph beside what is described, fitted.
 pub fn with_telegraph(bench: &Bench<'_>, description: &Description) -> Vec<Description> {
-    let problem = bench.problem;
-    let case = Case::new(problem.model, &problem.candidates, problem.time_s(), problem.watch);
-    let terms: Vec<_> = description.placed.iter().map(|placed| placed.term.clone()).collect();
-    let rows = state::Bench::new(&case, &terms, &description.noises);
-    let with = |found: crate::search::Proposal| {
+    let is_placed = |index: usize| description.placed.iter().any(|placed| placed.term.candidate == index);
+    let mut places: Vec<Place> = (bench.problem.candidates.par_iter().enumerate())
+        .filter(|(index, candidate)| candidate.is_jump() && !is_placed(*index))
+        .filter_map(|(index, candidate)| Place::new(bench, description, index, candidate))
+        .collect();
+    // A sensor of a redundant set is seen in the others, which have their turn when it is described.
+    places.sort_by(|a, b| a.block.cmp(&b.block).then(b.gain.total_cmp(&a.gain)));
+    places.dedup_by_key(|place| place.block);
+    if places.is_empty() {
+        return Vec::new();
+    }
+    let rows = OverRows::new(bench, description);
+    places.par_iter().filter_map(|place| place.described(&rows)).collect()
+}
+
+/// Where jumps are sought.
+struct Place {
+    candidate: usize,
+    sensor: usize,
+    block: usize,
+    /// A further Markov part, and what it gains.
+    part: Markov,
+    gain: f64,
+}
+
+impl Place {
+    /// The place of a candidate, if jumps may be there.
+    fn new(
+        bench: &Bench<'_>,
+        description: &Description,
+        index: usize,
+        candidate: &Candidate,
+    ) -> Option<Self> {
+        let Target::Sensor(sensor) = candidate.target else { return None };
+        let model = bench.problem.model;
+        let block = model.block_of(sensor)?;
+        let source = model.source_of(sensor, Port::Output)?;
+        let (part, gain) = further_markov(bench, description, block, source)?;
+        // One that is gone before the next row is white noise.
+        let stays = part.tau_s >= model.step_s;
+        (gain >= WORTH_TRYING && stays).then_some(Self { candidate: index, sensor, block, part, gain })
+    }
+
+    fn term(&self, history: &Decoded) -> Term {
+        Term {
+            candidate: self.candidate,
+            nonlinear: Vec::new(),
+            columns: Arc::new(vec![Column::on(self.sensor, history.values())]),
+            port: Port::Output,
+            unit_amplitude: false,
+            of_the_motion: false,
+            delay_s: None,
+        }
+    }
+
+    /// The description with the likeliest history.
+    fn described(&self, rows: &OverRows<'_>) -> Option<Description> {
+        let (bench, description) = (rows.bench, rows.description);
+        let beside = Beside::as_trusted(bench, description)?;
+        let described = beside.described();
+        let whitened = |term: &Term| regressors(bench.problem.model, &bench.sums, &term.columns, term.port);
+        let amplitude_of = |history: &Decoded| {
+            Some(beside.normal(&described, &whitened(&self.term(history)))?.amplitudes()?[0])
+        };
+        let best = history(rows, (self.block, self.sensor), self.part, &amplitude_of)?;
         // A history that is given gains more than all histories together; it costs the difference under whatever noise.
-        let ln_spread = (found.evidence - found.gain).min(0.0);
-        let term = found.term;
-        let whitened = regressors(problem.model, &bench.sums, &term.columns, term.port);
-        let touched: Vec<usize> = whitened.iter().flat_map(|it| &it.parts).map(|part| part.block).collect();
+        let of_history = best.gain_of_history(rows, self.block, self.sensor)?;
+        let ln_spread = (best.gain - of_history).min(0.0) + Self::ln_cost_of_rates(bench, &best);
+        let term = self.term(&best);
+        let regressors = Arc::new(whitened(&term));
+        let placed = Placed { term, regressors, ln_spread, delays: Delays::default() };
+        let touched = touched_by(&placed);
         let mut more = description.clone();
-        more.placed.push(Placed { term, regressors: Arc::new(whitened), ln_spread });
+        more.placed.push(placed);
         bench.fitted(&more, &touched)
-    };
-    jumps(&rows, &|_| true).into_iter().filter_map(with).collect()
+    }
+
+    /// What the rates cost: each is known to a part 1/√n by its switchings, and before them it may be anything from once in the record to
+    /// once a row.
+    fn ln_cost_of_rates(bench: &Bench<'_>, history: &Decoded) -> f64 {
+        let range = (bench.problem.model.rows as f64).ln();
+        let of = |number: usize| {
+            let known = (2.0 * std::f64::consts::PI / (number as f64).max(1.0)).sqrt();
+            (known / range).ln().min(0.0)
+        };
+        history.switchings().into_iter().map(of).sum()
+    }
+}
+
+/// The Markov part that fits best beside the noise of a source, and what it gains.
+fn further_markov(
+    bench: &Bench<'_>,
+    description: &Description,
+    index: usize,
+    source: usize,
+) -> Option<(Markov, f64)> {
+    let sums = bench.sums[index].as_ref()?;
+    let block = &bench.problem.model.blocks[index];
+    let system = System { sums: &bench.sums, weights: &description.weights };
+    let power = system.power_left(index, &description.described(bench), &description.amplitudes);
+    let nu = description.blocks[index].as_ref()?.nu;
+    let observed = Observed { block, sums, power: &power, nu };
+    let here = observed.log_likelihood(&description.noises);
+    let duration_s = sums.rows() as f64 * block.step_s();
+    let noise = &description.noises[source];
+    let part = noise.markov.len();
+    let is_new = |knobs: &[Knob]| knobs.contains(&Knob::MarkovSigma(part));
+    let fitted = starts(noise, NoiseChange::Markov, observed.spread(), block.step_s(), duration_s)
+        .into_iter()
+        .filter(|start| is_new(&start.knobs))
+        .filter_map(|start| {
+            let free: Vec<SourceKnob> = start.knobs.iter().map(|&knob| (source, knob)).collect();
+            let mut noises = description.noises.clone();
+            noises[source] = start.noise;
+            observed.fit(&noises, &free, 0.1)
+        });
+    let best = fitted.max_by(|a, b| a.log_likelihood.total_cmp(&b.log_likelihood))?;
+    Some((*best.noises[source].markov.get(part)?, best.log_likelihood - here))
 }

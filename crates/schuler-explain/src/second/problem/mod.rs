@@ -1,12 +1,17 @@
 //! What is to be explained: the recording against its nominal model, and everything that may have been left out.
+pub mod prepared;
+
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use self::prepared::Prepared;
 use crate::catalogue::{
     CATALOGUE, Candidate, Effect, Port, SETUP, Search, Target, UNNAMED, share_equal_series,
 };
 use crate::description::sensors_of;
+use crate::explain::is_spoilt;
 use crate::inputs::Inputs;
 use crate::nominal::Model;
 use crate::second::config::Config;
@@ -19,9 +24,9 @@ pub struct Problem<'p> {
     /// Channels and the noise that is believed.
     pub model: &'p Model,
     /// What may have been left out.
-    pub candidates: Vec<Candidate>,
+    pub candidates: Arc<[Candidate]>,
     /// Logarithm of the prior odds of each candidate against its absence.
-    pub ln_prior: Vec<f64>,
+    pub ln_prior: Arc<[f64]>,
     /// What decides.
     pub config: &'p Config,
     /// Who watches.
@@ -37,8 +42,17 @@ impl<'p> Problem<'p> {
         config: &'p Config,
         watch: &'p dyn Watch,
     ) -> Self {
-        let ln_prior = ln_prior(&candidates, config);
-        Self { inputs, model, candidates, ln_prior, config, watch }
+        let ln_prior = ln_prior(&candidates, config).into();
+        Self { inputs, model, candidates: candidates.into(), ln_prior, config, watch }
+    }
+
+    /// The same of a model with fewer rows.
+    pub fn of_model<'q>(&self, model: &'q Model) -> Problem<'q>
+    where
+        'p: 'q,
+    {
+        let (candidates, ln_prior) = (Arc::clone(&self.candidates), Arc::clone(&self.ln_prior));
+        Problem { inputs: self.inputs, model, candidates, ln_prior, config: self.config, watch: self.watch }
     }
 
     /// Time of each row from the first, s.
@@ -47,17 +61,23 @@ impl<'p> Problem<'p> {
     }
 }
 
-/// The candidates of the catalogue.
-pub fn candidates(inputs: &Inputs<'_>, model: &Model) -> Vec<Candidate> {
+/// What the whole catalogue gives in a case, and what may be wrong in the case itself.
+pub fn catalogued(inputs: &Inputs<'_>) -> Vec<Candidate> {
     let of_effect = |effect: &'static Effect| {
         let mut candidates = (effect.candidates)(effect, inputs);
         share_equal_series(&mut candidates);
-        candidates.retain(|candidate| is_searched(model, candidate));
         candidates
     };
     let others = SETUP.iter().copied().chain([UNNAMED]);
     let all: Vec<&'static Effect> = CATALOGUE.iter().chain(others).collect();
     all.into_par_iter().flat_map_iter(of_effect).collect()
+}
+
+/// Those candidates that reach anything which is compared.
+pub fn searchable(mut candidates: Vec<Candidate>, prepared: &Prepared) -> Vec<Candidate> {
+    let (model, faults) = (&prepared.model, prepared.faults.found.as_slice());
+    candidates.retain(|candidate| is_searched(model, candidate) && !is_spoilt(candidate, faults, model));
+    candidates
 }
 
 /// The model without the rows of which a late instrument may read what was before the record, or an early one what comes after: the
