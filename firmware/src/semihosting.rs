@@ -14,7 +14,7 @@ use crate::{board, log, start, time};
 
 /// Who speaks here.
 pub const IDENTITY: Identity =
-    Identity { board: board::BOARD, transport: Transport::Semihosting, start: Start::PowerOn };
+    Identity { board: board::BOARD, transport: Transport::Semihosting, start: Start::PowerOn, boots: 0 };
 
 const OPEN: usize = 0x01;
 const WRITE: usize = 0x05;

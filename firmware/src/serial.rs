@@ -8,7 +8,7 @@ use crate::{board, log, start, time};
 
 /// Who speaks here.
 pub const IDENTITY: Identity =
-    Identity { board: board::BOARD, transport: Transport::Uart, start: Start::PowerOn };
+    Identity { board: board::BOARD, transport: Transport::Uart, start: Start::PowerOn, boots: 0 };
 
 /// Bytes taken in one turn: a line that babbles does not keep the clock's step from its tick.
 const BYTES_PER_TURN: usize = 1024;

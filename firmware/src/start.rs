@@ -1,8 +1,8 @@
 //! Why the processor started, and the ways to make it start again.
 //!
-//! A reset clears everything but two words at the end of RAM (`stack.x`): one says that there has been a start since
-//! power came on, the other why the next one will come. No reason there means that the reset came without
-//! notice: the watchdog, a lock-up or the pin.
+//! A reset clears everything but three words at the end of RAM (`stack.x`): one says that there has been a start since
+//! power came on, the second why the next one will come, the third how many there have been. No
+//! reason there means that the reset came without notice: the watchdog, a lock-up or the pin.
 #![allow(unsafe_code)]
 use core::ptr;
 
@@ -19,7 +19,7 @@ const NO_REASON: u32 = 0;
 
 /// Completes the identity, and logs it as the first line.
 pub fn introduce(identity: Identity) -> Identity {
-    let start = take_reason();
+    let (start, boots) = take_note();
     let (board, reason) = (name(identity.board), describe(start));
     defmt::info!(
         "schuler {=str}, sources {=u64:016x}, protocol {=u8}, {=str}, started by {=str}",
@@ -29,7 +29,7 @@ pub fn introduce(identity: Identity) -> Identity {
         board,
         reason
     );
-    Identity { start, ..identity }
+    Identity { start, boots, ..identity }
 }
 
 /// Resets the processor, and tells the next start why.
@@ -40,16 +40,23 @@ pub fn restart(reason: Start) -> ! {
     SCB::sys_reset()
 }
 
-fn take_reason() -> Start {
-    // SAFETY: two aligned words in RAM which belong to no section; only this file knows of them. They are not Rust's:
+/// Why this start has come, and which one it is. The count goes on from whatever stands in memory that has just got power: all
+/// that counts is that the next one is another.
+fn take_note() -> (Start, u32) {
+    // SAFETY: three aligned words in RAM which belong to no section; only this file knows of them. They are not Rust's:
     // volatile accesses take them as they come.
-    let (started, reason) = unsafe { (note().read_volatile(), note().add(1).read_volatile()) };
+    let (started, reason, boots) =
+        unsafe { (note().read_volatile(), note().add(1).read_volatile(), note().add(2).read_volatile()) };
+    // Zero is for who has no starts.
+    let boots = boots.wrapping_add(1).max(1);
+    // SAFETY: as above.
+    unsafe { note().add(2).write_volatile(boots) };
     leave_reason(NO_REASON);
-    if started == STARTED { reason_of(reason) } else { Start::PowerOn }
+    (if started == STARTED { reason_of(reason) } else { Start::PowerOn }, boots)
 }
 
 fn leave_reason(code: u32) {
-    // SAFETY: as in `take_reason`.
+    // SAFETY: as in `take_note`.
     unsafe {
         note().add(1).write_volatile(code);
         note().write_volatile(STARTED);
@@ -58,7 +65,7 @@ fn leave_reason(code: u32) {
 
 fn note() -> *mut u32 {
     unsafe extern "C" {
-        static mut _note_for_next_start: [u32; 2];
+        static mut _note_for_next_start: [u32; 3];
     }
     ptr::addr_of_mut!(_note_for_next_start).cast()
 }

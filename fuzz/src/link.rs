@@ -43,6 +43,7 @@ fn listen<M: Message + DeserializeOwned>(data: &[u8]) {
 /// A frame that came in can be sent, and what is sent comes in as the same bytes (NaN is not equal to itself).
 fn goes_out_again<M: Message + DeserializeOwned>(frame: &Frame<M>) {
     let mut wire = Wire::new();
+    wire.seal_with(frame.session);
     // A number may have come in a longer form than it goes out: what was read is never too long to send.
     assert_eq!(wire.encode(frame.sequence, &frame.message), Ok(()));
     let mut decoder = Decoder::new();
@@ -52,6 +53,7 @@ fn goes_out_again<M: Message + DeserializeOwned>(frame: &Frame<M>) {
     });
     let back = back.expect("a frame that was sent arrives");
     let mut again = Wire::new();
+    again.seal_with(back.session);
     assert_eq!(again.encode(back.sequence, &back.message), Ok(()));
     assert_eq!(wire.as_bytes(), again.as_bytes());
 }
@@ -75,6 +77,7 @@ fn sealed<M: Message + DeserializeOwned>(content: &[u8]) {
 
 fn framed<M: Message>(sequence: u32, content: &[u8]) -> Vec<u8> {
     let mut frame = vec![M::DIRECTION, PROTOCOL];
+    frame.extend(0u64.to_le_bytes());
     frame.extend(sequence.to_le_bytes());
     frame.extend(content);
     frame.extend(CRC.checksum(&frame).to_le_bytes());
@@ -134,7 +137,7 @@ pub fn conversation(data: &[u8]) {
 }
 
 fn converse(source: &mut Unstructured<'_>, scenes: &[Scene], module: &mut FlightModule) -> Result<()> {
-    let identity = Identity { board: Board::Host, transport: Transport::Memory, start: Start::PowerOn };
+    let identity = Identity { board: Board::Host, transport: Transport::Memory, start: Start::PowerOn, boots: 0 };
     let mut endpoint = Endpoint::new(identity);
     module.clone_from(&source.choose(scenes)?.module);
     let now_us = Cell::new(0u64);

@@ -5,6 +5,7 @@
 //! hundred steps a second) or semihosting ([`Transport::Fifo`], some ten thousand). QEMU ends when the [`Emulator`] is
 //! dropped.
 use std::fs;
+use std::hash::{BuildHasher, RandomState};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Stdio};
@@ -39,7 +40,7 @@ const SERIAL_WINDOW: usize = 4;
 
 /// An input is no longer on the wire: fields of postcard at one and a half times their size in memory, header, checksum,
 /// COBS and borders.
-const LONGEST_INPUT: usize = size_of::<StepInput>() * 3 / 2 + 20;
+const LONGEST_INPUT: usize = size_of::<StepInput>() * 3 / 2 + 28;
 const _: () = assert!(PIPE_WINDOW * LONGEST_INPUT <= 1 << 16);
 const _: () = assert!(SERIAL_WINDOW * LONGEST_INPUT <= 4096);
 
@@ -212,6 +213,10 @@ pub struct Emulator {
     /// Frames not yet handed to the system.
     outbox: Vec<u8>,
     sequence: u32,
+    /// The session that the module has begun; zero while there is none.
+    session: u64,
+    /// What is offered to begin the next one.
+    offer: u64,
     banner: Banner,
     complaints: Arc<Mutex<String>>,
     image: PathBuf,
@@ -252,19 +257,38 @@ impl Emulator {
     /// # Errors
     /// It does not.
     pub fn wait_for_banner(mut self) -> Result<Self, TargetError> {
+        self.greet(PATIENCE)?;
+        Ok(self)
+    }
+
+    /// Waits for a session: says hello where the module has started and nobody has yet. `patience`: before it is said without
+    /// that the module has been heard.
+    fn greet(&mut self, patience: Duration) -> Result<(), TargetError> {
         let deadline = Instant::now() + GIVE_UP;
+        let mut wait = patience;
         loop {
-            match self.receive(PATIENCE)? {
-                Some(Frame { message: ModuleMessage::Banner(banner), .. }) => {
+            match self.receive(wait)? {
+                Some(Frame { session: session @ 1.., message: ModuleMessage::Banner(banner), .. }) => {
                     self.resume_after(&banner);
                     self.banner = banner;
-                    return Ok(self);
+                    self.session = session;
+                    self.wire.seal_with(session);
+                    return Ok(());
                 }
-                None if Instant::now() < deadline => self.send(HELLO, &HostMessage::Hello)?,
+                Some(Frame { message: ModuleMessage::Banner(_), .. }) | None if Instant::now() < deadline => {
+                    self.wire.seal_with(self.offer);
+                    self.send(HELLO, &HostMessage::Hello)?;
+                    wait = PATIENCE;
+                }
                 None => return Err(TargetError::Silent(GIVE_UP)),
                 Some(_) => (),
             }
         }
+    }
+
+    /// The session in which frames are sent; zero while there is none.
+    pub fn session(&self) -> u64 {
+        self.session
     }
 
     /// Starts an image without waiting for its banner, with further options for QEMU.
@@ -337,6 +361,8 @@ impl Emulator {
             wire: Box::new(Wire::new()),
             outbox: Vec::new(),
             sequence: 0,
+            session: 0,
+            offer: fresh_offer(),
             banner: Banner::new(kind.identity()),
             complaints,
             image: elf.to_owned(),
@@ -421,6 +447,7 @@ impl Emulator {
     /// # Errors
     /// The module is out of reach.
     pub fn post(&mut self, input: &StepInput) -> Result<(), TargetError> {
+        self.be_in_session()?;
         self.sequence = self.sequence.wrapping_add(1);
         self.send(self.sequence, &HostMessage::Step(*input))
     }
@@ -441,16 +468,18 @@ impl Emulator {
     pub fn receive(&mut self, patience: Duration) -> Result<Option<Frame<ModuleMessage>>, TargetError> {
         let deadline = Instant::now() + patience;
         loop {
+            let session = self.session;
             for byte in self.pending.by_ref() {
                 match self.decoder.push(byte) {
-                    Some(Ok(frame)) => return Ok(Some(frame)),
+                    Some(Ok(frame)) if is_of(session, &frame) => return Ok(Some(frame)),
                     Some(Err(FrameError::Version(version))) => {
                         let ours = schuler_link::PROTOCOL;
                         let text =
                             format!("in version {version} of the protocol; this program speaks {ours}");
                         return Err(TargetError::Unexpected(text));
                     }
-                    Some(Err(_)) | None => (),
+                    // Damaged, or an answer to somebody before a reset.
+                    Some(_) | None => (),
                 }
             }
             match self.next_bytes(deadline.saturating_duration_since(Instant::now()))? {
@@ -497,8 +526,24 @@ impl Emulator {
 
     /// Sends a command until its answer comes: the module carries it out once, however often it hears it.
     fn command(&mut self, message: &HostMessage) -> Result<ModuleMessage, TargetError> {
+        self.be_in_session()?;
         self.sequence = self.sequence.wrapping_add(1);
-        self.exchange(self.sequence, message)
+        let answer = self.exchange(self.sequence, message)?;
+        if answer == ModuleMessage::Refused(Refusal::Session) {
+            // It has started again, and the banner that said so was lost.
+            self.leave_session();
+        }
+        Ok(answer)
+    }
+
+    /// A module that has restarted has forgotten the session.
+    fn be_in_session(&mut self) -> Result<(), TargetError> {
+        if self.session == 0 { self.greet(Duration::ZERO) } else { Ok(()) }
+    }
+
+    fn leave_session(&mut self) {
+        self.session = 0;
+        self.offer = fresh_offer();
     }
 
     fn exchange(&mut self, sequence: u32, message: &HostMessage) -> Result<ModuleMessage, TargetError> {
@@ -562,6 +607,7 @@ impl Emulator {
 
     fn restarted(&mut self, banner: Banner) -> TargetError {
         self.resume_after(&banner);
+        self.leave_session();
         let text = format!("that it has restarted ({:?})", banner.start);
         self.banner = banner;
         TargetError::Unexpected(text)
@@ -681,6 +727,7 @@ impl<I: Iterator<Item = StepInput>> Run<'_, I> {
     fn advance(&mut self) -> Result<Option<StepOutput>, TargetError> {
         // Refilled by halves: a call to the system for many frames.
         if self.in_flight <= self.emulator.window / 2 {
+            self.emulator.be_in_session()?;
             for input in self.inputs.by_ref().take(self.emulator.window - self.in_flight) {
                 self.emulator.sequence = self.emulator.sequence.wrapping_add(1);
                 self.emulator.put(self.emulator.sequence, &HostMessage::Step(input));
@@ -704,6 +751,17 @@ impl<I: Iterator<Item = StepInput>> Run<'_, I> {
             other => Err(unexpected(other)),
         }
     }
+}
+
+/// Of no other session than this one, if there is one; who is there is always heard.
+fn is_of(session: u64, frame: &Frame<ModuleMessage>) -> bool {
+    let introduces = matches!(frame.message, ModuleMessage::Banner(_));
+    introduces || session == 0 || frame.session == session
+}
+
+/// Another number each time: hashers are seeded at random.
+fn fresh_offer() -> u64 {
+    RandomState::new().hash_one(std::process::id())
 }
 
 fn unexpected(message: ModuleMessage) -> TargetError {

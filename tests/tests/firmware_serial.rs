@@ -88,8 +88,9 @@ fn the_flashed_image_answers() {
     answers_as_the_host_does(common::start_image(Image::Flashed), Board::Stm32f405);
 }
 
-fn wire(sequence: u32, message: &HostMessage) -> Vec<u8> {
+fn wire(session: u64, sequence: u32, message: &HostMessage) -> Vec<u8> {
     let mut wire = Wire::new();
+    wire.seal_with(session);
     wire.encode(sequence, message).unwrap();
     wire.as_bytes().to_vec()
 }
@@ -113,7 +114,8 @@ fn a_damaged_frame_is_refused_and_the_link_goes_on() {
     let mut emulator = common::start(Transport::Uart);
     emulator.configure(&ModuleConfig::default()).unwrap();
     let inputs: Vec<_> = Flight::new(1).take(8).collect();
-    let step = |k: u32| wire(k, &HostMessage::Step(inputs[k as usize % 8]));
+    let session = emulator.session();
+    let step = |k: u32| wire(session, k, &HostMessage::Step(inputs[k as usize % 8]));
 
     let mut changed = step(100);
     let middle = changed.len() / 2;
@@ -151,7 +153,7 @@ fn a_reset_by_command_is_told_from_power() {
     }
     let mut emulator = common::start(Transport::Uart);
     emulator.configure(&ModuleConfig::default()).unwrap();
-    emulator.send_bytes(&wire(1000, &HostMessage::Reset)).unwrap();
+    emulator.send_bytes(&wire(emulator.session(), 1000, &HostMessage::Reset)).unwrap();
     match answer(&mut emulator, 0) {
         ModuleMessage::Banner(banner) => {
             assert_eq!((banner.start, banner.configured), (Start::Command, false));

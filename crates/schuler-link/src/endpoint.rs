@@ -11,9 +11,16 @@
 //! | the same, another checksum | [`Refusal::Conflict`] |
 //! | behind | [`Refusal::Stale`] |
 //!
+//! **Sessions.** Numbers tell what is old only since the start: what was ahead before a reset would be carried out after it.
+//! So a session begins with the first [`Hello`](crate::message::HostMessageOf::Hello) after a start, and every frame bears its
+//! number: the count of starts in the upper half, the clock at that moment, in microseconds, in the lower, and over
+//! both, bit by bit, the number that the question bears, of which the host takes another each time. No two starts have the same:
+//! the count tells those without loss of power apart, clock and host the others. A command of another session, or before
+//! there is one, is refused ([`Refusal::Session`]), whatever its number.
+//!
 //! So a host that hears nothing sends the same frame again until it hears the answer, and each of its steps has
 //! then been run exactly once. A host that has just started asks [`Hello`](crate::message::HostMessageOf::Hello) and goes on from
-//! [`Banner::last_sequence`]. After a reset any number is accepted, but steps are refused until a state comes: a module that lost its state says so instead of flying on with defaults.
+//! [`Banner::last_sequence`], in the session that the answer bears. After a reset any number of the new session is accepted, but steps are refused until a state comes: a module that lost its state says so instead of flying on with defaults.
 //!
 //! **Pace.** At the host's pace each input is a step. At the clock's pace the endpoint runs one step a period with
 //! the newest input; where none has come it runs the step with missing readings, and where the module is not back
@@ -55,6 +62,8 @@ pub struct Endpoint {
 #[derive(Debug)]
 struct Conversation {
     identity: Identity,
+    /// The session; zero until it begins, and for good where there are no starts to tell apart.
+    session: u64,
     last: Option<Accepted>,
     /// Answer to the last command; empty while there is none.
     answer: Answer,
@@ -111,6 +120,7 @@ impl Endpoint {
     pub const fn new(identity: Identity) -> Self {
         let conversation = Conversation {
             identity,
+            session: 0,
             last: None,
             answer: Answer::new(),
             passing: Answer::new(),
@@ -126,7 +136,12 @@ impl Endpoint {
     /// An endpoint of nothing but zeros, which as a static costs no flash; to be [identified](Self::identify) before it
     /// speaks.
     pub const fn unidentified() -> Self {
-        Self::new(Identity { board: Board::Host, transport: Transport::Memory, start: Start::PowerOn })
+        Self::new(Identity {
+            board: Board::Host,
+            transport: Transport::Memory,
+            start: Start::PowerOn,
+            boots: 0,
+        })
     }
 
     /// Says who is there and why; known only after the start.
@@ -248,14 +263,22 @@ impl Conversation {
         &mut self,
         frame: &Frame<HeardMessage<'_>>,
         module: &mut FlightModule,
-        now_us: impl FnMut() -> u64,
+        mut now_us: impl FnMut() -> u64,
     ) -> Reaction<'_> {
-        let Frame { sequence, checksum, message } = frame;
+        let Frame { session, sequence, checksum, message } = frame;
         self.counters.frames = self.counters.frames.saturating_add(1);
+        if let HeardMessage::Hello = message {
+            self.begin_session(*session, now_us());
+        }
         match message {
             HeardMessage::Hello | HeardMessage::Counters => return self.introduce(*sequence, message),
             HeardMessage::ReadState { begin } => return self.pass_state(*sequence, *begin, module),
             _ => (),
+        }
+        let begun = self.session != 0 || self.identity.boots == 0;
+        if *session != self.session || !begun {
+            self.counters.stale = self.counters.stale.saturating_add(1);
+            return self.pass_refusal(*sequence, Refusal::Session);
         }
         if let Some(last) = self.last {
             match sequence.wrapping_sub(last.sequence) {
@@ -283,6 +306,17 @@ impl Conversation {
             write(&mut self.answer, *sequence, &answer);
         }
         send(&self.answer)
+    }
+
+    /// Begins the session, if there is none; `offered`: the host's number.
+    fn begin_session(&mut self, offered: u64, now_us: u64) {
+        if self.session != 0 || self.identity.boots == 0 {
+            return;
+        }
+        let own = u64::from(self.identity.boots) << 32 | now_us & 0xffff_ffff;
+        self.session = (own ^ offered).max(1);
+        self.answer.seal_with(self.session);
+        self.passing.seal_with(self.session);
     }
 
     /// Carries out a command; `None` for an input that waits for its tick.
@@ -458,7 +492,7 @@ mod tests {
     use crate::message::{HostMessage, RefusedFrames};
 
     const IDENTITY: Identity =
-        Identity { board: Board::Host, transport: Transport::Memory, start: Start::PowerOn };
+        Identity { board: Board::Host, transport: Transport::Memory, start: Start::PowerOn, boots: 0 };
 
     /// An endpoint with its module and a clock that is moved by hand.
     struct Rig {
@@ -677,6 +711,54 @@ mod tests {
         assert_eq!((counters.steps, counters.repeated), (2, 4));
     }
 
+    fn frame_in(session: u64, sequence: u32, message: &HostMessage) -> Vec<u8> {
+        let mut wire = Wire::new();
+        wire.seal_with(session);
+        wire.encode(sequence, message).unwrap();
+        wire.as_bytes().to_vec()
+    }
+
+    /// A board that has started so many times, and when its host said hello.
+    fn board(boots: u32, now_us: u64, offered: u64) -> (Rig, u64) {
+        let mut rig = Rig::new();
+        rig.endpoint.identify(Identity { boots, ..IDENTITY });
+        rig.now_us.set(now_us);
+        let answers = rig.feed(&frame_in(offered, 0, &HostMessage::Hello));
+        assert!(matches!(answers[0].message, ModuleMessage::Banner(_)));
+        (rig, answers[0].session)
+    }
+
+    #[test]
+    fn a_command_of_another_session_is_refused() {
+        let refused = ModuleMessage::Refused(Refusal::Session);
+        // Before there is a session, whatever the frame bears.
+        let mut rig = Rig::new();
+        rig.endpoint.identify(Identity { boots: 1, ..IDENTITY });
+        for session in [0, 1 << 32, u64::MAX] {
+            assert_eq!(rig.feed(&frame_in(session, 500, &HostMessage::Forget))[0].message, refused);
+        }
+        let (mut before, old) = board(1, 77, 5);
+        assert_eq!(old, (1 << 32 | 0x4d) ^ 5);
+        assert_eq!(
+            before.feed(&frame_in(old, 900, &HostMessage::Forget))[0].message,
+            ModuleMessage::Forgotten
+        );
+        // After a reset at the same time with the same offer; after a loss of power with another offer.
+        for (boots, offered) in [(2, 5), (1, 6)] {
+            let (mut rig, new) = board(boots, 77, offered);
+            assert_ne!(new, old);
+            for sequence in [0, 1, 500, 901, u32::MAX] {
+                let answers = rig.feed(&frame_in(old, sequence, &HostMessage::Forget));
+                assert_eq!((answers[0].session, &answers[0].message), (new, &refused));
+            }
+            // A second question begins no second session.
+            assert_eq!(rig.feed(&frame_in(9, 0, &HostMessage::Hello))[0].session, new);
+            let answers = rig.feed(&frame_in(new, 1, &HostMessage::Forget));
+            assert_eq!(answers[0].message, ModuleMessage::Forgotten);
+            assert_eq!(rig.endpoint.counters().stale, 5);
+        }
+    }
+
     #[test]
     fn a_late_copy_is_refused_and_a_gap_is_not() {
         let mut rig = Rig::configured();
@@ -759,7 +841,8 @@ mod tests {
     fn another_version_learns_whom_it_speaks_to() {
         let mut rig = Rig::new();
         let crc = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
-        let body = [b'>', crate::PROTOCOL + 1, 0, 0, 0, 0, 0];
+        let mut body = [0; 15];
+        body[..2].copy_from_slice(&[b'>', crate::PROTOCOL + 1]);
         let mut line = [0; 32];
         cobs::encode(&[&body[..], &crc.checksum(&body).to_le_bytes()].concat(), &mut line);
         let answers = rig.feed(&line);

@@ -1,8 +1,9 @@
 //! How a message becomes bytes on a wire, and comes back.
 //!
 //! ```text
-//! 00 │ COBS( direction u8 │ protocol u8 │ sequence u32 LE │ postcard message │ CRC-32 LE ) │ 00
+//! 00 │ COBS( direction u8 │ protocol u8 │ session u64 LE │ sequence u32 LE │ postcard message │ CRC-32 LE ) │ 00
 //! ```
+//! The session ([`crate::endpoint`]) tells a frame from one of before a reset, whose number may be ahead.
 //! The CRC (CRC-32/ISO-HDLC, that of Ethernet and zlib) covers everything before it. COBS keeps the zero byte out
 //! of a frame, so that a zero is always a border. A frame carries one on either side: noise, or the torso of
 //! a cut frame, ends at the leading zero and costs no frame but the damaged one. The direction byte keeps an echo
@@ -21,8 +22,8 @@ pub const MAX_MESSAGE: usize = 1024;
 /// Longest frame on the wire, borders included, bytes.
 pub const MAX_WIRE: usize = on_the_wire(MAX_MESSAGE);
 
-/// Direction, protocol and sequence number.
-const HEADER: usize = 6;
+/// Direction, protocol, session and sequence number.
+const HEADER: usize = 14;
 const CHECKSUM: usize = 4;
 const MAX_FRAME: usize = HEADER + MAX_MESSAGE + CHECKSUM;
 
@@ -49,6 +50,8 @@ pub trait Message: Serialize {
 /// A frame that arrived whole.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame<M> {
+    /// The session in which it was sent; zero where there is none.
+    pub session: u64,
     /// Host to module: running number of the frame. Module to host: number of the frame that is answered.
     pub sequence: u32,
     /// CRC-32 of the frame: tells a repetition from another frame of the same number.
@@ -86,6 +89,7 @@ pub type Wire = ShortWire<MAX_WIRE>;
 /// The same with room for fewer bytes than the longest frame has.
 #[derive(Debug)]
 pub struct ShortWire<const BYTES: usize> {
+    session: u64,
     bytes: [u8; BYTES],
     length: usize,
 }
@@ -99,7 +103,12 @@ impl<const BYTES: usize> Default for ShortWire<BYTES> {
 impl<const BYTES: usize> ShortWire<BYTES> {
     /// Nothing.
     pub const fn new() -> Self {
-        Self { bytes: [0; BYTES], length: 0 }
+        Self { session: 0, bytes: [0; BYTES], length: 0 }
+    }
+
+    /// The session in which the frames from now on are sent; zero for none, as in the beginning.
+    pub fn seal_with(&mut self, session: u64) {
+        self.session = session;
     }
 
     /// The frame for a message. Never panics.
@@ -111,8 +120,9 @@ impl<const BYTES: usize> ShortWire<BYTES> {
         let (border, body) = self.bytes.split_first_mut().ok_or(TooLong)?;
         *border = 0;
         let mut flavor = WireFlavor { cobs: CobsEncoder::new(body), digest: CRC.digest() };
-        let [s0, s1, s2, s3] = sequence.to_le_bytes();
-        flavor.try_extend(&[M::DIRECTION, PROTOCOL, s0, s1, s2, s3]).map_err(|_| TooLong)?;
+        flavor.try_extend(&[M::DIRECTION, PROTOCOL]).map_err(|_| TooLong)?;
+        flavor.try_extend(&self.session.to_le_bytes()).map_err(|_| TooLong)?;
+        flavor.try_extend(&sequence.to_le_bytes()).map_err(|_| TooLong)?;
         let length = postcard::serialize_with_flavor(message, flavor).map_err(|_| TooLong)?;
         *body.get_mut(length).ok_or(TooLong)? = 0;
         self.length = length + 2;
@@ -212,7 +222,7 @@ impl Decoder {
 #[inline(never)]
 fn open<'a, M: Message + Deserialize<'a>>(frame: &'a [u8]) -> Result<Frame<M>, FrameError> {
     let (body, &checksum) = frame.split_last_chunk::<CHECKSUM>().ok_or(FrameError::TooShort)?;
-    let (&[direction, protocol, s0, s1, s2, s3], content) =
+    let (&[direction, protocol, n0, n1, n2, n3, n4, n5, n6, n7, s0, s1, s2, s3], content) =
         body.split_first_chunk::<HEADER>().ok_or(FrameError::TooShort)?;
     let checksum = u32::from_le_bytes(checksum);
     if CRC.checksum(body) != checksum {
@@ -225,7 +235,12 @@ fn open<'a, M: Message + Deserialize<'a>>(frame: &'a [u8]) -> Result<Frame<M>, F
         return Err(FrameError::Version(protocol));
     }
     match postcard::take_from_bytes(content) {
-        Ok((message, [])) => Ok(Frame { sequence: u32::from_le_bytes([s0, s1, s2, s3]), checksum, message }),
+        Ok((message, [])) => Ok(Frame {
+            session: u64::from_le_bytes([n0, n1, n2, n3, n4, n5, n6, n7]),
+            sequence: u32::from_le_bytes([s0, s1, s2, s3]),
+            checksum,
+            message,
+        }),
         _ => Err(FrameError::Content),
     }
 }
@@ -333,7 +348,8 @@ mod tests {
             let (frames, _) = listen::<HostMessage>(&mut Decoder::new(), &wire(u32::MAX, &message));
             assert_eq!((frames[0].sequence, &frames[0].message), (u32::MAX, &message));
         }
-        let identity = Identity { board: Board::Host, transport: Transport::Memory, start: Start::PowerOn };
+        let identity =
+            Identity { board: Board::Host, transport: Transport::Memory, start: Start::PowerOn, boots: 0 };
         let output = FlightModule::new().step(&input(1));
         for message in [
             ModuleMessage::Banner(Banner::new(identity)),
@@ -429,23 +445,30 @@ mod tests {
             cobs.truncate(length + 1);
             cobs
         };
-        assert_eq!(sealed(&[b'>', PROTOCOL, 1, 0, 0, 0, 0]), hello[1..], "made by hand");
+        assert_eq!(
+            sealed(&[b'>', PROTOCOL, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0]),
+            hello[1..],
+            "made by hand"
+        );
 
         let mut decoder = Decoder::new();
         let cases: [(Vec<u8>, FrameError); 7] = [
             (std::vec![9, 1, 0], FrameError::Encoding),
             (std::vec![2, 1, 0], FrameError::TooShort),
             (
-                sealed(&[b'>', PROTOCOL, 1, 0, 0, 0, 0])
+                sealed(&[b'>', PROTOCOL, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0])
                     .iter()
                     .map(|b| if *b == b'>' { b'?' } else { *b })
                     .collect(),
                 FrameError::Checksum,
             ),
             (wire(1, &ModuleMessage::Forgotten), FrameError::Direction(b'<')),
-            (sealed(&[b'>', PROTOCOL + 1, 1, 0, 0, 0, 0]), FrameError::Version(PROTOCOL + 1)),
-            (sealed(&[b'>', PROTOCOL, 1, 0, 0, 0, 99]), FrameError::Content),
-            (sealed(&[b'>', PROTOCOL, 1, 0, 0, 0, 0, 0]), FrameError::Content),
+            (
+                sealed(&[b'>', PROTOCOL + 1, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0]),
+                FrameError::Version(PROTOCOL + 1),
+            ),
+            (sealed(&[b'>', PROTOCOL, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 99]), FrameError::Content),
+            (sealed(&[b'>', PROTOCOL, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0]), FrameError::Content),
         ];
         let mut refused = RefusedFrames::NONE;
         for (bytes, error) in &cases {

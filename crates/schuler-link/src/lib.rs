@@ -19,7 +19,7 @@
 //! use schuler_link::message::{Board, HostMessage, Identity, ModuleMessage, Start, Transport};
 //!
 //! // The module's side.
-//! let identity = Identity { board: Board::Host, transport: Transport::Memory, start: Start::PowerOn };
+//! let identity = Identity { board: Board::Host, transport: Transport::Memory, start: Start::PowerOn, boots: 0 };
 //! let (mut endpoint, mut module) = (Box::new(Endpoint::new(identity)), Box::new(FlightModule::new()));
 //! // The host's side: a question, and the answer to it.
 //! let (mut wire, mut decoder) = (Wire::new(), Decoder::new());
@@ -43,7 +43,7 @@ pub mod ring;
 mod seal;
 
 /// Version of the protocol: frame layout and messages. A frame of another version is refused.
-pub const PROTOCOL: u8 = 4;
+pub const PROTOCOL: u8 = 5;
 
 /// Hash of the sources that determine what an image computes (`build.rs` lists them). A host built from other
 /// sources than the image it talks to sees it here, before it trusts a comparison bit by bit.

@@ -174,6 +174,8 @@ pub struct Identity {
     pub transport: Transport,
     /// Why it started.
     pub start: Start,
+    /// Number of this start, from one; zero for a module that has no resets, in whose frames there are no sessions.
+    pub boots: u32,
 }
 
 /// Where a module runs.
@@ -236,6 +238,9 @@ pub enum Refusal {
         /// Number of the last command accepted.
         last_sequence: u32,
     },
+    /// The command is of another session: from before a reset, or of a host that has not asked
+    /// [`Hello`](HostMessageOf::Hello) since. This frame bears the session in force; zero while there is none.
+    Session,
     /// The command bears the number of the last one and says something else.
     Conflict,
     /// The period is out of range, or this transport has no clock's pace.
@@ -274,7 +279,7 @@ pub struct Counters {
     pub lost_bytes: u32,
     /// Commands that came again and got the stored answer.
     pub repeated: u32,
-    /// Commands that came late and were refused.
+    /// Commands that came late, or from another session, and were refused.
     pub stale: u32,
     /// Commands with a number in use and another content.
     pub conflicts: u32,

@@ -42,7 +42,7 @@ impl Image {
     pub(super) fn identity(self) -> Identity {
         let board = if self == Image::Flashed { Board::Stm32f405 } else { Board::Mps2An386 };
         let transport = if self.has_semihosting() { Transport::Semihosting } else { Transport::Uart };
-        Identity { board, transport, start: Start::PowerOn }
+        Identity { board, transport, start: Start::PowerOn, boots: 0 }
     }
 
     /// It speaks through the emulator, not through the serial line.
@@ -152,7 +152,7 @@ fn cargo_build(root: &Path, target: &Path, image: Image) -> Result<PathBuf, Targ
         "CARGO_BUILD_RUSTFLAGS",
         "RUSTC_WRAPPER",
         "RUSTC_WORKSPACE_WRAPPER",
-        // An incremental build cuts the crates into other units, and the image is another.
+        // Incremental builds cut the crates into units, and the image is another.
         "CARGO_INCREMENTAL",
     ] {
         command.env_remove(flags);
