@@ -205,7 +205,7 @@ pub fn check_output(output: &StepOutput) {
     let means = filter.estimate.iter().chain(&averaged.estimate).chain([&filter.innovation]);
     assert!(means.copied().all(f32::is_finite), "{filter:?} {averaged:?}");
     let mut sigmas = filter.sigma.iter().chain(&averaged.sigma);
-    assert!(sigmas.all(|&sigma| sigma.is_finite() && sigma >= 0.0), "{filter:?} {averaged:?}");
+    assert!(sigmas.all(|&sigma| sigma.is_finite() && sigma > 0.0), "{filter:?} {averaged:?}");
     assert!(filter.innovation_variance.is_finite() && filter.innovation_variance >= 0.0, "{filter:?}");
     assert!(filter.nis.is_finite() && filter.nis >= 0.0, "{filter:?}");
     for noise in [output.identification.accelerometer.noise, output.identification.gyro.noise] {

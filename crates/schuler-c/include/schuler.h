@@ -18,7 +18,7 @@
 #include <stdint.h>
 
 // Version of this interface: functions, structures, and what their bytes mean. Hand it to schuler_init.
-#define SCHULER_INTERFACE_VERSION 1
+#define SCHULER_INTERFACE_VERSION 2
 
 // Number of gyros in the block.
 #define SCHULER_GYROS 5
@@ -256,6 +256,9 @@ typedef struct {
     uint8_t reserved[3];
 } SchulerNoise;
 
+// Where the averaged estimate comes from: one of SCHULER_SOURCE_.
+typedef uint8_t SchulerEstimateSource;
+
 // Noise identification.
 typedef struct {
     // The estimate to navigate by: averaged over what is not known of the noise parameters, with that in its sigma.
@@ -266,8 +269,10 @@ typedef struct {
     SchulerNoise gyro;
     // How often the filter has been retuned.
     uint16_t retunes;
+    // Where the averaged estimate comes from.
+    SchulerEstimateSource averaged_source;
     // Zero.
-    uint8_t reserved[2];
+    uint8_t reserved;
 } SchulerIdentificationOutput;
 
 // What was out of the ordinary at a thermometer: the sum of SCHULER_THERMAL_.
@@ -317,7 +322,9 @@ typedef struct {
     float p_jump;
     // Probability that the radio's noise is at a degraded level.
     float p_noise;
-    // Probability of either.
+    // Probability that the radio holds its last value.
+    float p_memory;
+    // Probability of any of them.
     float p_fault;
     // Radio error, m/s; without a residual its prediction.
     SchulerValue radio_error;
@@ -379,8 +386,6 @@ typedef struct {
     SchulerHealthOutput health;
     // What was out of the ordinary.
     SchulerStatus status;
-    // Zero.
-    uint8_t reserved[4];
 } SchulerOutput;
 
 // No value this step. The quality of an input of zeros.
@@ -438,6 +443,9 @@ typedef struct {
 
 // That block, or the one before it, acts on the velocity channel, which has therefore started anew.
 #define SCHULER_STATUS_VELOCITY_RESTARTED 4096
+
+// The velocity measurement could have been used and was not, as the radio behind it is held faulty.
+#define SCHULER_STATUS_VELOCITY_WITHHELD 8192
 
 // A reading could not be used: missing, saturated, beyond the range or not a number.
 #define SCHULER_ISOLATION_READING_UNUSABLE 1
@@ -528,11 +536,14 @@ typedef struct {
 // The radio's noise has grown to a degraded level.
 #define SCHULER_ALARM_NOISE 2
 
-// Either of them, even where it is open which.
+// Any of jump, noise and memory, even where it is open which.
 #define SCHULER_ALARM_FAULT 4
 
 // The inertial error is beyond its specified bound.
 #define SCHULER_ALARM_INERTIAL 8
+
+// The radio holds its last value.
+#define SCHULER_ALARM_MEMORY 16
 
 // No usable radio reading: missing, saturated, too old or not a number.
 #define SCHULER_HEALTH_STATUS_RADIO_UNUSABLE 1
@@ -591,6 +602,9 @@ typedef struct {
 // Several residuals in a row that no mode explains.
 #define SCHULER_HEALTH_VERDICT_OUT_OF_MODEL 7
 
+// The radio holds its last value.
+#define SCHULER_HEALTH_VERDICT_HELD_READING 8
+
 // Nobody.
 #define SCHULER_SUSPECT_NEITHER 0
 
@@ -617,6 +631,15 @@ typedef struct {
 
 // The filter's estimate holds next to nothing of this error; its parameters were left as they were.
 #define SCHULER_NOISE_UNOBSERVED 4
+
+// The filter, with the noise parameters in use: no bank has anything to say.
+#define SCHULER_SOURCE_FILTER 0
+
+// The wide bank, over everything that the data sheet allows.
+#define SCHULER_SOURCE_WIDE_BANK 1
+
+// The narrow bank around the parameters that were identified.
+#define SCHULER_SOURCE_NARROW_BANK 2
 
 #ifdef __cplusplus
 extern "C" {

@@ -12,7 +12,7 @@ use crate::module::{Module, SCHULER_MODULE_SIZE, SchulerModule};
 use crate::{SchulerInput, SchulerOutput, SchulerResult};
 
 /// Version of this interface: functions, structures, and what their bytes mean. Hand it to schuler_init.
-pub const SCHULER_INTERFACE_VERSION: u32 = 1;
+pub const SCHULER_INTERFACE_VERSION: u32 = 2;
 
 const VERSION: &CStr = match CStr::from_bytes_with_nul(concat!(env!("CARGO_PKG_VERSION"), "\0").as_bytes()) {
     Ok(version) => version,

@@ -30,6 +30,8 @@ pub const SCHULER_STATUS_NOT_CONFIGURED: SchulerStatus = 1024;
 pub const SCHULER_STATUS_COMPENSATION_LOADED: SchulerStatus = 2048;
 /// That block, or the one before it, acts on the velocity channel, which has therefore started anew.
 pub const SCHULER_STATUS_VELOCITY_RESTARTED: SchulerStatus = 4096;
+/// The velocity measurement could have been used and was not, as the radio behind it is held faulty.
+pub const SCHULER_STATUS_VELOCITY_WITHHELD: SchulerStatus = 8192;
 
 /// Why the verdict on the gyros is what it is, and what happened in this step: the sum of SCHULER_ISOLATION_.
 pub type SchulerIsolationFlags = u16;
@@ -105,10 +107,12 @@ pub type SchulerHealthAlarms = u8;
 pub const SCHULER_ALARM_JUMP: SchulerHealthAlarms = 1;
 /// The radio's noise has grown to a degraded level.
 pub const SCHULER_ALARM_NOISE: SchulerHealthAlarms = 2;
-/// Either of them, even where it is open which.
+/// Any of jump, noise and memory, even where it is open which.
 pub const SCHULER_ALARM_FAULT: SchulerHealthAlarms = 4;
 /// The inertial error is beyond its specified bound.
 pub const SCHULER_ALARM_INERTIAL: SchulerHealthAlarms = 8;
+/// The radio holds its last value.
+pub const SCHULER_ALARM_MEMORY: SchulerHealthAlarms = 16;
 
 /// What was out of the ordinary in a step of the health monitor: the sum of SCHULER_HEALTH_STATUS_.
 pub type SchulerHealthStatus = u8;
@@ -156,6 +160,8 @@ pub const SCHULER_HEALTH_VERDICT_UNDECIDED_FAULT: SchulerHealthVerdict = 5;
 pub const SCHULER_HEALTH_VERDICT_INERTIAL_DIVERGENCE: SchulerHealthVerdict = 6;
 /// Several residuals in a row that no mode explains.
 pub const SCHULER_HEALTH_VERDICT_OUT_OF_MODEL: SchulerHealthVerdict = 7;
+/// The radio holds its last value.
+pub const SCHULER_HEALTH_VERDICT_HELD_READING: SchulerHealthVerdict = 8;
 
 /// Whom the health monitor blames: one of SCHULER_SUSPECT_.
 pub type SchulerSuspect = u8;
@@ -180,3 +186,12 @@ pub const SCHULER_NOISE_WEAK: SchulerNoiseStatus = 2;
 pub const SCHULER_NOISE_INDETERMINATE: SchulerNoiseStatus = 3;
 /// The filter's estimate holds next to nothing of this error; its parameters were left as they were.
 pub const SCHULER_NOISE_UNOBSERVED: SchulerNoiseStatus = 4;
+
+/// Where the averaged estimate comes from: one of SCHULER_SOURCE_.
+pub type SchulerEstimateSource = u8;
+/// The filter, with the noise parameters in use: no bank has anything to say.
+pub const SCHULER_SOURCE_FILTER: SchulerEstimateSource = 0;
+/// The wide bank, over everything that the data sheet allows.
+pub const SCHULER_SOURCE_WIDE_BANK: SchulerEstimateSource = 1;
+/// The narrow bank around the parameters that were identified.
+pub const SCHULER_SOURCE_NARROW_BANK: SchulerEstimateSource = 2;

@@ -3,7 +3,9 @@ use bytemuck::{Pod, Zeroable};
 use schuler_core::compensation::Compensation;
 use schuler_core::filter::FilterOutput;
 use schuler_core::health::{self, Estimate, HealthOutput, Suspect};
-use schuler_core::identification::{AveragedEstimate, ChannelStatus, IdentificationOutput, NoiseEstimate};
+use schuler_core::identification::{
+    AveragedEstimate, ChannelStatus, EstimateSource, IdentificationOutput, NoiseEstimate,
+};
 use schuler_core::isolation::{self, IsolationOutput};
 use schuler_core::module::{HEALTH_LEVELS, StepOutput};
 use schuler_core::thermal::TemperatureRateOutput;
@@ -77,8 +79,10 @@ pub struct SchulerIdentificationOutput {
     pub gyro: SchulerNoise,
     /// How often the filter has been retuned.
     pub retunes: u16,
+    /// Where the averaged estimate comes from.
+    pub averaged_source: SchulerEstimateSource,
     /// Zero.
-    pub reserved: [u8; 2],
+    pub reserved: u8,
 }
 
 /// Gyro block. Gyros count from zero.
@@ -177,7 +181,9 @@ pub struct SchulerHealthOutput {
     pub p_jump: f32,
     /// Probability that the radio's noise is at a degraded level.
     pub p_noise: f32,
-    /// Probability of either.
+    /// Probability that the radio holds its last value.
+    pub p_memory: f32,
+    /// Probability of any of them.
     pub p_fault: f32,
     /// Radio error, m/s; without a residual its prediction.
     pub radio_error: SchulerValue,
@@ -238,8 +244,6 @@ pub struct SchulerOutput {
     pub health: SchulerHealthOutput,
     /// What was out of the ordinary.
     pub status: SchulerStatus,
-    /// Zero.
-    pub reserved: [u8; 4],
 }
 
 impl From<&StepOutput> for SchulerOutput {
@@ -254,7 +258,6 @@ impl From<&StepOutput> for SchulerOutput {
             thermometers: output.thermometers.map(Into::into),
             health: (&output.health).into(),
             status: output.status.bits(),
-            reserved: [0; 4],
         }
     }
 }
@@ -297,7 +300,12 @@ impl From<&IdentificationOutput> for SchulerIdentificationOutput {
             accelerometer: (&output.accelerometer).into(),
             gyro: (&output.gyro).into(),
             retunes: output.retunes,
-            reserved: [0; 2],
+            averaged_source: match output.averaged.source {
+                EstimateSource::Filter => SCHULER_SOURCE_FILTER,
+                EstimateSource::WideBank => SCHULER_SOURCE_WIDE_BANK,
+                EstimateSource::NarrowBank => SCHULER_SOURCE_NARROW_BANK,
+            },
+            reserved: 0,
         }
     }
 }
@@ -373,6 +381,7 @@ impl From<&HealthOutput<f32, HEALTH_LEVELS>> for SchulerHealthOutput {
             mode_probability: output.mode_probability,
             p_jump: output.p_jump,
             p_noise: output.p_noise,
+            p_memory: output.p_memory,
             p_fault: output.p_fault,
             radio_error: output.radio_error.into(),
             inertial_error: output.inertial_error.into(),
@@ -396,6 +405,7 @@ impl From<&HealthOutput<f32, HEALTH_LEVELS>> for SchulerHealthOutput {
                 health::Verdict::UndecidedFault => SCHULER_HEALTH_VERDICT_UNDECIDED_FAULT,
                 health::Verdict::InertialDivergence => SCHULER_HEALTH_VERDICT_INERTIAL_DIVERGENCE,
                 health::Verdict::OutOfModel => SCHULER_HEALTH_VERDICT_OUT_OF_MODEL,
+                health::Verdict::HeldReading => SCHULER_HEALTH_VERDICT_HELD_READING,
             },
             suspect: match output.suspect {
                 Suspect::Neither => SCHULER_SUSPECT_NEITHER,

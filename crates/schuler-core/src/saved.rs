@@ -459,9 +459,9 @@ mod tests {
 
     use super::*;
     use crate::filter::{ErrorFilter, FilterConfig, MarkovNoise};
-    use crate::health::{HealthConfig, HealthMonitor};
+    use crate::health::{HealthConfig, HealthMonitor, MemoryModel};
     use crate::identification::{LikelihoodIdentifier, PublishedLoop};
-    use crate::module::{FlightModule, ModuleConfig, STATE_VERSION};
+    use crate::module::{FlightModule, ModuleConfig, RadioUse, STATE_VERSION};
     use crate::reading::Reading;
     use crate::thermal::{TemperatureRate, TemperatureRateConfig};
 
@@ -585,9 +585,11 @@ mod tests {
     /// [`STATE_VERSION`] and write the new fingerprint here.
     #[test]
     fn the_layout_is_that_of_its_version() {
+        let memory = Some(MemoryModel { repeat: 0.05, fail: 1.0 / 1800.0, recover: 1.0 / 120.0 });
         let config = ModuleConfig {
             thermometers: [Some(TemperatureRateConfig::of_quantum(0.0625)); 4],
-            health: Some(HealthConfig::doppler_against_inertial()),
+            health: Some(HealthConfig { memory, ..HealthConfig::doppler_against_inertial() }),
+            radio_use: Some(RadioUse::DEFAULT),
             ..ModuleConfig::default()
         };
         let mut module = std::boxed::Box::new(FlightModule::new());
@@ -595,6 +597,6 @@ mod tests {
         let mut walk = Walk::measure();
         module.walk(&mut walk);
         PublishedLoop::new().walk(&mut walk);
-        assert_eq!((STATE_VERSION, walk.layout.value()), (5, 1189613430));
+        assert_eq!((STATE_VERSION, walk.layout.value()), (6, 197017779));
     }
 }

@@ -12,7 +12,7 @@ use schuler_core::module::ModuleConfig;
 use crate::seal::{self, BlockError, OVERHEAD};
 
 /// Version of the content: the fields of [`ModuleConfig`] and their order.
-pub const CONFIGURATION_VERSION: u16 = 1;
+pub const CONFIGURATION_VERSION: u16 = 2;
 
 /// Longest configuration, bytes: as in a frame, a field takes no more than one and a half times its size in memory.
 pub const MAX_CONFIGURATION: usize = OVERHEAD + size_of::<ModuleConfig>() * 3 / 2;
@@ -47,15 +47,18 @@ pub fn decode(bytes: &[u8]) -> Result<ModuleConfig, BlockError> {
 #[cfg(test)]
 mod tests {
     use schuler_core::config::Problem;
-    use schuler_core::health::HealthConfig;
+    use schuler_core::health::{HealthConfig, MemoryModel};
+    use schuler_core::module::RadioUse;
     use schuler_core::thermal::TemperatureRateConfig;
 
     use super::*;
 
     fn everything() -> ModuleConfig {
+        let memory = Some(MemoryModel { repeat: 0.05, fail: 1.0 / 1800.0, recover: 1.0 / 120.0 });
         ModuleConfig {
             thermometers: [Some(TemperatureRateConfig::of_quantum(0.0625)); 4],
-            health: Some(HealthConfig::doppler_against_inertial()),
+            health: Some(HealthConfig { memory, ..HealthConfig::doppler_against_inertial() }),
+            radio_use: Some(RadioUse::DEFAULT),
             max_age_ms: u32::MAX,
             ..ModuleConfig::default()
         }
@@ -65,7 +68,7 @@ mod tests {
     fn configurations_come_back() {
         for config in [ModuleConfig::default(), everything()] {
             let bytes = encode(&config).unwrap();
-            assert_eq!(bytes[..6], *b"SCHM\x01\x00");
+            assert_eq!(bytes[..6], *b"SCHM\x02\x00");
             assert_eq!(decode(&bytes), Ok(config));
         }
     }
@@ -76,7 +79,7 @@ mod tests {
     fn the_layout_is_that_of_its_version() {
         let bytes = encode(&everything()).unwrap();
         let checksum = u32::from_le_bytes(bytes[bytes.len() - 4..].try_into().unwrap());
-        assert_eq!((CONFIGURATION_VERSION, bytes.len(), checksum), (1, 510, 3857586034));
+        assert_eq!((CONFIGURATION_VERSION, bytes.len(), checksum), (2, 532, 2466023240));
     }
 
     #[test]

@@ -1,8 +1,9 @@
 //! The velocity channel of the flight module: the error filter with the identification that retunes it.
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
+use schuler_core::health::{self, HealthConfig, MemoryModel};
 use schuler_core::identification::{ChannelStatus, IdentificationConfig, Method, NoiseEstimate};
-use schuler_core::module::{FlightModule, ModuleConfig, Status, StepInput, StepOutput};
+use schuler_core::module::{FlightModule, ModuleConfig, RadioUse, Status, StepInput, StepOutput};
 use schuler_core::reading::Reading;
 
 use crate::filter::FilterConfig;
@@ -19,6 +20,8 @@ pub(crate) struct AdaptiveRun {
     averaged: Py<PyArray2<f32>>,
     /// Their standard deviations, the uncertainty of the noise included; shape (n, 4).
     averaged_sigma: Py<PyArray2<f32>>,
+    /// Where they come from: 0 the filter, 1 the wide bank, 2 the narrow bank; shape (n,).
+    averaged_source: Py<PyArray1<u8>>,
     /// Innovation, m/s, shape (n,); NaN where there was no measurement.
     innovation: Py<PyArray1<f32>>,
     /// Its variance, (m/s)²; shape (n,).
@@ -35,6 +38,12 @@ pub(crate) struct AdaptiveRun {
     gated: Py<PyArray1<bool>>,
     /// The filter was retuned after this step; shape (n,).
     retuned: Py<PyArray1<bool>>,
+    /// What the health monitor holds the radio for: numbers of HealthVerdict; shape (n,), 0 while it is off.
+    health_verdict: Py<PyArray1<u8>>,
+    /// Probability that the radio is faulty; shape (n,).
+    p_fault: Py<PyArray1<f32>>,
+    /// The measurement could have been used and was not, as the radio is held faulty; shape (n,).
+    withheld: Py<PyArray1<bool>>,
 }
 
 /// The velocity channel of the flight module, in its own single precision: the error filter, and the identification that
@@ -47,6 +56,7 @@ pub(crate) struct AdaptiveRun {
 #[pyclass(module = "schuler")]
 pub(crate) struct AdaptiveFilter {
     module: Box<FlightModule>,
+    config: ModuleConfig,
     step_ms: f64,
     steps: u64,
 }
@@ -79,16 +89,46 @@ impl AdaptiveFilter {
         let config = ModuleConfig { filter, identification, velocity_range, ..ModuleConfig::default() };
         let mut module = Box::new(FlightModule::new());
         module.configure(&config).map_err(misconfigured)?;
-        Ok(Self { module, step_ms: f64::from(filter.step_s) * 1000.0, steps: 0 })
+        Ok(Self { module, config, step_ms: f64::from(filter.step_s) * 1000.0, steps: 0 })
+    }
+
+    /// Turn the health monitor on, with a Doppler radio's defaults, and start anew.
+    ///
+    /// withhold_above: probability of a fault above which the radio's measurement is withheld from the filter; below it
+    /// counts for one less that probability. None: the monitor is told and used by nothing. at_most_s: after so long
+    /// without pause it is used all the same, s. repeat: probability that a reading of a radio that works repeats the
+    /// one before. The velocities are arguments of run.
+    #[pyo3(signature = (*, withhold_above=Some(0.5), at_most_s=1200.0, repeat=0.05))]
+    fn watch_radio(&mut self, withhold_above: Option<f32>, at_most_s: f32, repeat: f32) -> PyResult<()> {
+        let mut health = HealthConfig::doppler_against_inertial();
+        let [[_, fail], [recover, _]] = health.radio.transition;
+        health.step_s = self.config.filter.step_s;
+        health.memory = Some(MemoryModel { repeat, fail, recover });
+        let radio_use = withhold_above.map(|withhold_above| RadioUse { withhold_above, at_most_s });
+        let config = ModuleConfig { health: Some(health), radio_use, ..self.config };
+        let mut module = Box::new(FlightModule::new());
+        module.configure(&config).map_err(misconfigured)?;
+        (self.module, self.config, self.steps) = (module, config, 0);
+        Ok(())
     }
 
     /// Take as many steps as there are values; the state goes on from where it was.
     ///
-    /// velocity_error: m/s, shape (n,); NaN, an infinity or a masked value is no measurement.
-    fn run(&mut self, py: Python<'_>, velocity_error: &Bound<'_, PyAny>) -> PyResult<AdaptiveRun> {
+    /// velocity_error: m/s, shape (n,); NaN, an infinity or a masked value is no measurement. radio_velocity,
+    /// inertial_velocity: what the health monitor compares, m/s, shape (n,); both or neither.
+    #[pyo3(signature = (velocity_error, radio_velocity=None, inertial_velocity=None))]
+    fn run(
+        &mut self,
+        py: Python<'_>,
+        velocity_error: &Bound<'_, PyAny>,
+        radio_velocity: Option<&Bound<'_, PyAny>>,
+        inertial_velocity: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<AdaptiveRun> {
         let measured = vector("velocity_error", velocity_error)?;
-        let outputs: Vec<StepOutput> =
-            py.detach(|| measured.into_iter().map(|velocity| self.step(velocity as f32)).collect());
+        let radio = self.beside("radio_velocity", radio_velocity, measured.len())?;
+        let inertial = self.beside("inertial_velocity", inertial_velocity, measured.len())?;
+        let rows = measured.into_iter().zip(radio.into_iter().zip(inertial));
+        let outputs: Vec<StepOutput> = py.detach(|| rows.map(|row| self.step(row)).collect());
         let channel = |noise: fn(&StepOutput) -> NoiseEstimate| {
             let rows = outputs.iter().map(noise);
             array2(py, rows.map(|it| [it.noise.sigma, it.noise.alpha, it.noise.beta]).collect())
@@ -110,6 +150,10 @@ impl AdaptiveFilter {
             sigma: array2(py, outputs.iter().map(|it| it.filter.sigma).collect())?,
             averaged: array2(py, outputs.iter().map(|it| it.identification.averaged.estimate).collect())?,
             averaged_sigma: array2(py, outputs.iter().map(|it| it.identification.averaged.sigma).collect())?,
+            averaged_source: array1(
+                py,
+                outputs.iter().map(|it| it.identification.averaged.source as u8).collect(),
+            ),
             innovation: array1(py, outputs.iter().map(|it| missing(it.filter.innovation, it)).collect()),
             innovation_variance: array1(py, outputs.iter().map(|it| it.filter.innovation_variance).collect()),
             accelerometer_noise: channel(accelerometer)?,
@@ -118,6 +162,9 @@ impl AdaptiveFilter {
             gyro_status: status(gyro),
             gated: has(Status::INNOVATION_GATED),
             retuned: has(Status::RETUNED),
+            health_verdict: array1(py, outputs.iter().map(|it| verdict(it.health.verdict)).collect()),
+            p_fault: array1(py, outputs.iter().map(|it| it.health.p_fault).collect()),
+            withheld: has(Status::VELOCITY_WITHHELD),
         })
     }
 }
@@ -126,15 +173,45 @@ impl AdaptiveFilter {
 const UNMEASURED: Status = Status::VELOCITY_MISSING.union(Status::VELOCITY_SATURATED);
 
 impl AdaptiveFilter {
-    fn step(&mut self, velocity: f32) -> StepOutput {
+    /// A velocity for the health monitor as long as the measurements; missing readings where there is none.
+    fn beside(&self, name: &str, values: Option<&Bound<'_, PyAny>>, length: usize) -> PyResult<Vec<f64>> {
+        let Some(values) = values else { return Ok(vec![f64::NAN; length]) };
+        if self.config.health.is_none() {
+            return Err(wrong(format!("{name}: the health monitor is off; expected a call of watch_radio before")));
+        }
+        let values = vector(name, values)?;
+        if values.len() == length {
+            return Ok(values);
+        }
+        Err(wrong(format!("{name}: found {} values; expected {length}, as in velocity_error", values.len())))
+    }
+
+    fn step(&mut self, (velocity, (radio, inertial)): (f64, (f64, f64))) -> StepOutput {
         self.steps += 1;
         let time_ms = (self.steps as f64 * self.step_ms).round() as u64;
         // A value that is not finite counts as missing in the module.
         self.module.step(&StepInput {
             time_ms,
-            velocity_error: Reading::good(velocity),
+            velocity_error: Reading::good(velocity as f32),
+            radio_velocity: Reading::good(radio as f32),
+            inertial_velocity: Reading::good(inertial as f32),
             ..StepInput::default()
         })
+    }
+}
+
+/// The numbers of `schuler.HealthVerdict`.
+fn verdict(verdict: health::Verdict) -> u8 {
+    match verdict {
+        health::Verdict::Unobserved => 0,
+        health::Verdict::Nominal => 1,
+        health::Verdict::ShiftedMean => 2,
+        health::Verdict::GrownNoise => 3,
+        health::Verdict::ShiftedMeanAndGrownNoise => 4,
+        health::Verdict::UndecidedFault => 5,
+        health::Verdict::InertialDivergence => 6,
+        health::Verdict::OutOfModel => 7,
+        health::Verdict::HeldReading => 8,
     }
 }
 

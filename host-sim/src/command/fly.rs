@@ -2,8 +2,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use schuler_core::health::MemoryModel;
 use schuler_core::identification::Method;
-use schuler_core::module::StepOutput;
+use schuler_core::module::{RadioUse, StepOutput};
 use schuler_link::block::{self, BlockBytes, MAX_BLOCK};
 use schuler_link::configuration;
 use schuler_recording::{Error, Problem, Recording, file};
@@ -53,7 +54,14 @@ pub(super) struct Arguments {
     /// How the noise is identified in flight.
     #[arg(long, value_enum, default_value_t)]
     identification: Identification,
+    /// Withhold the radio's velocity from the filter where the health monitor holds the radio faulty with a greater probability
+    /// than this, and let it count for less below; a radio that holds its last value is looked for, too.
+    #[arg(long, value_name = "PROBABILITY")]
+    withhold_radio: Option<f32>,
 }
+
+/// A reading of a radio that works repeats the last one with this probability at most: one in motion, and not a coarse one.
+const REPEATS: f32 = 0.05;
 
 /// Names of the identification methods.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -111,6 +119,11 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
     };
     for mut channel in channels {
         channel.config.identification.method = arguments.identification.into();
+        if let (Some(withhold_above), Some(health)) = (arguments.withhold_radio, &mut channel.config.health) {
+            let [[_, fail], [recover, _]] = health.radio.transition;
+            health.memory = Some(MemoryModel { repeat: REPEATS, fail, recover });
+            channel.config.radio_use = Some(RadioUse { withhold_above, ..RadioUse::DEFAULT });
+        }
         channel.compensation.clone_from(&compensation);
         output::protect(&arguments.case.with_file_name(TRUTH));
         let mut truth = LoopTruth::beside(&arguments.case, &channel.name)?;

@@ -178,6 +178,9 @@ fn health(text: &mut String, it: &HealthSummary) {
     if more > 0 {
         put(text, format_args!("    {more} more verdicts"));
     }
+    if it.withheld > 0 {
+        put(text, format_args!("    {} velocity measurements withheld from the filter", it.withheld));
+    }
     let ([radio, radio_sigma], [inertial, inertial_sigma]) = (it.radio_error, it.inertial_error);
     put(
         text,

@@ -26,7 +26,7 @@ pub fn verdict_code(verdict: Verdict) -> f64 {
 }
 
 /// A verdict of the health monitor as a number: 0 unobserved, 1 nominal, 2 shifted mean, 3 grown noise, 4 both, 5 one of the two,
-/// 6 inertial divergence, 7 out of the model.
+/// 6 inertial divergence, 7 out of the model, 8 the radio holds its last value.
 pub fn health_code(verdict: health::Verdict) -> f64 {
     match verdict {
         health::Verdict::Unobserved => 0.0,
@@ -37,6 +37,7 @@ pub fn health_code(verdict: health::Verdict) -> f64 {
         health::Verdict::UndecidedFault => 5.0,
         health::Verdict::InertialDivergence => 6.0,
         health::Verdict::OutOfModel => 7.0,
+        health::Verdict::HeldReading => 8.0,
     }
 }
 
@@ -133,6 +134,8 @@ fn columns(channel: &Channel) -> Vec<(String, Column)> {
                 f64::from(o.identification.averaged.sigma[k])
             });
         }
+        // 0 the filter, 1 the wide bank, 2 the narrow bank.
+        all.put("averaged_source", move |o| f64::from(o.identification.averaged.source as u8));
         all.put("innovation", move |o| f64::from(o.filter.innovation));
         all.put("innovation_variance", move |o| f64::from(o.filter.innovation_variance));
         all.put("nis", move |o| f64::from(o.filter.nis));
@@ -188,6 +191,7 @@ fn columns(channel: &Channel) -> Vec<(String, Column)> {
         all.put("health.status", move |o| f64::from(o.health.status.bits()));
         all.put("health.p_jump", move |o| f64::from(o.health.p_jump));
         all.put("health.p_noise", move |o| f64::from(o.health.p_noise));
+        all.put("health.p_memory", move |o| f64::from(o.health.p_memory));
         all.put("health.p_fault", move |o| f64::from(o.health.p_fault));
         for (mode, name) in ["nominal", "noise", "jump", "jump_and_noise"].iter().enumerate() {
             all.put(format!("health.mode.{name}"), move |o| {

@@ -1,9 +1,9 @@
 //! What a run says: of the filter's consistency, of the noise, of the gyros, and of the truth where it is known.
 use schuler_core::compensation::TermStatus;
-use schuler_core::health::{self, Estimate, HealthOutput, HealthStatus, Suspect};
+use schuler_core::health::{self, Estimate, HealthStatus, Suspect};
 use schuler_core::identification::{ChannelStatus, NoiseEstimate};
 use schuler_core::isolation::{IsolationFlags, Verdict};
-use schuler_core::module::{GYROS, HEALTH_LEVELS, Status, StepOutput};
+use schuler_core::module::{GYROS, Status, StepOutput};
 use schuler_core::reading::Quality;
 use schuler_core::thermal::{CompensationStatus, TemperatureRateOutput, ThermalStatus};
 use serde::Serialize;
@@ -222,6 +222,8 @@ pub struct HealthSummary {
     pub out_of_model: usize,
     /// Starts from the priors after a gap that is too long.
     pub restarts: usize,
+    /// Steps whose velocity measurement was withheld from the filter.
+    pub withheld: usize,
     /// Error of the radio at the end and its standard deviation, m/s.
     pub radio_error: [f64; 2],
     /// Error of the inertial velocity at the end and its standard deviation, m/s.
@@ -341,7 +343,7 @@ impl<'c> Summing<'c> {
             sums.add(step.time_s, it);
         }
         self.compensation.add(step, output);
-        self.health.add(step.time_s, &output.health);
+        self.health.add(step.time_s, output);
         if self.compared_from.is_some_and(|from| self.steps >= from) {
             self.truth_from_s.get_or_insert(step.time_s);
             for (k, sums) in self.truth.iter_mut().enumerate() {
@@ -683,6 +685,7 @@ pub fn health_name(verdict: health::Verdict) -> &'static str {
         health::Verdict::UndecidedFault => "undecided_fault",
         health::Verdict::InertialDivergence => "inertial_divergence",
         health::Verdict::OutOfModel => "out_of_model",
+        health::Verdict::HeldReading => "held_reading",
     }
 }
 
@@ -695,10 +698,13 @@ struct HealthSums {
     residuals: usize,
     out_of_model: usize,
     restarts: usize,
+    withheld: usize,
 }
 
 impl HealthSums {
-    fn add(&mut self, time_s: f64, output: &HealthOutput<f32, HEALTH_LEVELS>) {
+    fn add(&mut self, time_s: f64, step: &StepOutput) {
+        let output = &step.health;
+        self.withheld += usize::from(step.status.contains(Status::VELOCITY_WITHHELD));
         let is = |flag: HealthStatus| usize::from(output.status.contains(flag));
         let verdict = health_name(output.verdict);
         let suspect = match output.suspect {
@@ -729,6 +735,7 @@ impl HealthSums {
             residuals: self.residuals,
             out_of_model: self.out_of_model,
             restarts: self.restarts,
+            withheld: self.withheld,
             radio_error: estimate(last.health.radio_error),
             inertial_error: estimate(last.health.inertial_error),
         }

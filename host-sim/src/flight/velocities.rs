@@ -63,10 +63,17 @@ impl Pair {
 
 /// The same in single precision.
 fn single(config: &HealthConfig<f64, HEALTH_LEVELS>) -> HealthConfig<f32, HEALTH_LEVELS> {
-    use schuler_core::health::{AlarmThresholds, InertialErrorModel, JumpModel, RadioErrorModel};
+    use schuler_core::health::{
+        AlarmThresholds, InertialErrorModel, JumpModel, MemoryModel, RadioErrorModel,
+    };
     let row = |row: [f64; 2]| row.map(|value| value as f32);
     let HealthConfig { radio, jump, inertial, .. } = config;
     HealthConfig {
+        memory: config.memory.map(|it| MemoryModel {
+            repeat: it.repeat as f32,
+            fail: it.fail as f32,
+            recover: it.recover as f32,
+        }),
         step_s: config.step_s as f32,
         radio: RadioErrorModel {
             tau_s: radio.tau_s as f32,

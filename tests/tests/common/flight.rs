@@ -5,9 +5,9 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use schuler_core::compensation::{Block, Calibration, Factor, Quantity, Target, Term, Validity};
-use schuler_core::health::HealthConfig;
+use schuler_core::health::{HealthConfig, MemoryModel};
 use schuler_core::isolation::IsolationConfig;
-use schuler_core::module::{ACCELEROMETERS, Command, GYROS, ModuleConfig, StepInput, THERMOMETERS};
+use schuler_core::module::{ACCELEROMETERS, Command, GYROS, ModuleConfig, RadioUse, StepInput, THERMOMETERS};
 use schuler_core::reading::{Quality, Reading};
 use schuler_core::thermal::{CompensationBlock, TemperatureRateConfig};
 
@@ -287,9 +287,11 @@ impl Iterator for Flight {
 
 /// The default configuration with every part on.
 pub(crate) fn everything() -> ModuleConfig {
+    let memory = Some(MemoryModel { repeat: 0.05, fail: 1.0 / 1800.0, recover: 1.0 / 120.0 });
     ModuleConfig {
         thermometers: [Some(TemperatureRateConfig::of_quantum(0.0625)); THERMOMETERS],
-        health: Some(HealthConfig::doppler_against_inertial()),
+        health: Some(HealthConfig { memory, ..HealthConfig::doppler_against_inertial() }),
+        radio_use: Some(RadioUse::DEFAULT),
         ..ModuleConfig::default()
     }
 }

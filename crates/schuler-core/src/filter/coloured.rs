@@ -229,6 +229,11 @@ impl<T: RealField + Copy> Kernel<T> for ColouredGaussian<T> {
     }
 
     #[inline]
+    fn spread_velocity(&mut self, variance: T) {
+        self.covariance[0][0] += variance;
+    }
+
+    #[inline]
     fn correct(&mut self, innovation: &Innovation<T>, used: bool) {
         let first = self.covariance[0];
         let inverse = select(used, innovation.variance.recip(), T::zero());

@@ -78,6 +78,11 @@ impl<T: RealField + Copy> Kernel<T> for Gaussian<T> {
         ];
     }
 
+    #[inline]
+    fn spread_velocity(&mut self, variance: T) {
+        self.covariance[0] += variance;
+    }
+
     /// With H = [1 0 0 0] the Joseph form is P − K P₁· + (K S − P·₁) Kᵀ; the bracket is the rounding error of
     /// the gain, and carrying it is what keeps P symmetric. What `certain` leaves in the variances keeps it positive.
     /// [FIL-5] [FIL-6]

@@ -58,6 +58,23 @@ pub trait Kernel<T: RealField + Copy>: Copy + Debug + Sized {
         }
     }
 
+    /// Adds to the variance of ΔV, (m/s)².
+    fn spread_velocity(&mut self, variance: T);
+
+    /// The innovation of a velocity before which, where `condition` holds, ΔV may have jumped.
+    ///
+    /// The variance of the jump is the most likely one, ν² − S, or zero where the velocity was
+    /// foreseen. So an estimate that was right stays as it is, and one that was not takes the velocity
+    /// and keeps the rest. What a jump costs in likelihood grows with ln ν only.
+    #[inline]
+    fn after_jump_if(&mut self, condition: bool, innovation: Innovation<T>) -> Innovation<T> {
+        let Innovation { value, variance, noise } = innovation;
+        let excess = value * value - variance;
+        let jump = select(condition & (excess > T::zero()), excess, T::zero());
+        self.spread_velocity(jump);
+        Innovation { value, variance: variance + jump, noise }
+    }
+
     /// Corrects by an innovation, in the Joseph form (I − KH) P (I − KH)ᵀ + K r² Kᵀ. Its first row is r² Kᵀ, which is
     /// formed as such: nothing cancels there.
     ///

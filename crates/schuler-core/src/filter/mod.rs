@@ -225,6 +225,12 @@ impl<T: RealField + Copy, K: Kernel<T>> ErrorFilter<T, K> {
         FilterStep { innovation, gated, reacquired, reset }
     }
 
+    /// Variance of the measurement's noise, (m/s)², from the next step on.
+    #[inline]
+    pub fn set_measurement_variance(&mut self, variance: T) {
+        self.measurement_variance = variance;
+    }
+
     /// Goes on without measurement over the interval of `model`.
     pub fn coast(&mut self, model: &K::Model) {
         self.coast_if(true, model);

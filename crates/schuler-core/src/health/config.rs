@@ -68,6 +68,19 @@ pub struct InertialErrorModel<T> {
     pub bound: T,
 }
 
+/// A radio that holds its last value: its readings repeat to the last digit, as those of one that works do by chance.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MemoryModel<T> {
+    /// Probability that a reading of a radio that works repeats the one before: about its resolution over 2.5 standard
+    /// deviations of what changes from reading to reading. One that is at rest, or coarse, repeats more often: choose from the
+    /// upper side.
+    pub repeat: T,
+    /// Probability per step to begin to hold.
+    pub fail: T,
+    /// Probability per step to move on.
+    pub recover: T,
+}
+
 /// Probabilities at which an alarm is set and cleared.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AlarmThresholds<T> {
@@ -95,6 +108,8 @@ pub struct HealthConfig<T, const LEVELS: usize> {
     pub jump: JumpModel<T>,
     /// Inertial error.
     pub inertial: InertialErrorModel<T>,
+    /// A radio that holds its last value; without, it is not looked for.
+    pub memory: Option<MemoryModel<T>>,
     /// 1-σ white noise √`Rq` of the residual (quantisation, time skew), m/s. Not zero; a tenth of the radio's
     /// innovation `γ_1` is harmless, more delays the detection of grown noise.
     pub residual_sigma: T,
@@ -145,6 +160,7 @@ impl<T: RealField + Copy> HealthConfig<T, 2> {
                 drift_random_walk: number(1e-5),
                 bound: number(2.0),
             },
+            memory: None,
             residual_sigma: number(0.01),
             alarm: AlarmThresholds { set: number(0.9), clear: number(0.45) },
             out_of_model_sigma: number(10.0),
@@ -176,6 +192,7 @@ impl<T: RealField + Copy> HealthConfig<T, 3> {
             },
             jump: base.jump,
             inertial: base.inertial,
+            memory: base.memory,
             residual_sigma: base.residual_sigma,
             alarm: base.alarm,
             out_of_model_sigma: base.out_of_model_sigma,
@@ -226,6 +243,12 @@ impl<T: RealField + Copy, const LEVELS: usize> HealthConfig<T, LEVELS> {
         not_negative("health.inertial.drift_random_walk", inertial.drift_random_walk)?;
         positive("health.inertial.bound", inertial.bound)?;
 
+        if let Some(memory) = &self.memory {
+            probability("health.memory.repeat", memory.repeat)?;
+            probability("health.memory.fail", memory.fail)?;
+            probability("health.memory.recover", memory.recover)?;
+        }
+
         sigma_in_range("health.residual_sigma", self.residual_sigma)?;
         finite("health.alarm.set", self.alarm.set)?;
         require("health.alarm.set", self.alarm.set < T::one())?;
@@ -242,6 +265,11 @@ impl<T: RealField + Copy, const LEVELS: usize> HealthConfig<T, LEVELS> {
 
 fn require(field: &'static str, holds: bool) -> Result<(), ConfigError> {
     if holds { Ok(()) } else { Err(ConfigError::new(field, Problem::OutOfRange)) }
+}
+
+/// Neither impossible nor certain.
+fn probability<T: RealField + Copy>(field: &'static str, value: T) -> Result<(), ConfigError> {
+    within(field, value, [MIN_TRANSITION, 1.0 - 1e-6])
 }
 
 fn finite<T: RealField + Copy>(field: &'static str, value: T) -> Result<(), ConfigError> {
@@ -294,12 +322,14 @@ fn chain<T: RealField + Copy, const SIZE: usize>(
 saved!([T: Blank, const LEVELS: usize] RadioErrorModel<T, LEVELS> { tau_s, sigma, normal_levels, transition, initial });
 saved!([T: Blank] JumpModel<T> { sigma, transition, initial, attribution_limit_s });
 saved!([T: Blank] InertialErrorModel<T> { random_walk, initial_sigma, drift_sigma, drift_random_walk, bound });
+saved!([T: Blank] MemoryModel<T> { repeat, fail, recover });
 saved!([T: Blank] AlarmThresholds<T> { set, clear });
 saved!([T: Blank, const LEVELS: usize] HealthConfig<T, LEVELS> {
     step_s,
     radio,
     jump,
     inertial,
+    memory,
     residual_sigma,
     alarm,
     out_of_model_sigma,

@@ -3,8 +3,9 @@
 //!
 //! Their difference, the residual d = radio − inertial, does not depend on the quantity. From it the monitor
 //! decides in every step whether the mean of the radio's error has shifted, whether its noise has grown, or
-//! neither, and estimates both sensors' errors. The radio error is a first-order Markov process whose level of
-//! noise and whose shift are Markov chains; the inertial error is a random walk on a slow drift.
+//! neither, and estimates both sensors' errors. Where it is asked to, it also tells whether the radio
+//! holds its last value. The radio error is a first-order Markov process whose level of noise and
+//! whose shift are Markov chains; the inertial error is a random walk on a slow drift.
 //!
 //! | file | holds |
 //! | --- | --- |
@@ -13,6 +14,7 @@
 //! | `conditional` | prediction, update and merging of one mode's Gaussian |
 //! | `paths` | the same for all paths from one mode to all modes, side by side |
 //! | `recursion` | the mode probabilities and Gaussians from one residual to the next |
+//! | `memory` | whether the radio holds its last value |
 //! | `verdict` | alarms, [`Verdict`], [`Suspect`], and what cannot be told apart |
 //! | `monitor` | [`HealthMonitor`]: guards in front, read-outs behind |
 //!
@@ -25,6 +27,7 @@
 //! recursion, 5 implementable filter, 6 edge cases, 7 parameters, 10 golden numbers.
 mod conditional;
 mod config;
+mod memory;
 mod monitor;
 mod output;
 mod paths;
@@ -32,7 +35,9 @@ mod recursion;
 mod span;
 mod verdict;
 
-pub use config::{AlarmThresholds, HealthConfig, InertialErrorModel, JumpModel, RadioErrorModel};
+pub use config::{
+    AlarmThresholds, HealthConfig, InertialErrorModel, JumpModel, MemoryModel, RadioErrorModel,
+};
 pub use monitor::HealthMonitor;
 pub use output::{Estimate, HealthOutput, HealthStatus};
 pub use span::MAX_SPAN_STEPS;

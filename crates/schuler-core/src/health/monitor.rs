@@ -3,6 +3,7 @@ use nalgebra::{RealField, convert};
 
 use super::conditional::Conditional;
 use super::config::{AlarmThresholds, HealthConfig};
+use super::memory::Memory;
 use super::output::{Estimate, HealthOutput, HealthStatus};
 use super::recursion::{Evidence, Recursion};
 use super::span::{MAX_SPAN_STEPS, SpanLadder};
@@ -34,6 +35,7 @@ pub struct HealthMonitor<T, const LEVELS: usize> {
     /// The longest silence that is bridged, steps.
     bridged_steps: u32,
     max_age_ms: u32,
+    memory: Memory<T>,
     state: State<T, LEVELS>,
 }
 
@@ -73,12 +75,14 @@ impl<T: RealField + Copy, const LEVELS: usize> HealthMonitor<T, LEVELS> {
             unobserved_steps: config.steps(config.unobserved_after_s),
             bridged_steps: config.steps(config.restart_after_s).min(MAX_SPAN_STEPS),
             max_age_ms: config.max_age_ms,
+            memory: Memory::new(config.memory.as_ref()),
             state: State::new(priors),
         })
     }
 
     /// Forgets everything but the configuration.
     pub fn restart(&mut self) {
+        self.memory.restart();
         self.state = State::new(self.priors);
     }
 
@@ -97,7 +101,10 @@ impl<T: RealField + Copy, const LEVELS: usize> HealthMonitor<T, LEVELS> {
         let residual = radio.value - inertial.value;
         let state = &mut self.state;
         let repeated = state.started && elapsed == 0;
-        let present = radio_usable && inertial_usable && residual.is_finite() && !repeated;
+        let p_memory = self.memory.step(radio.value, radio_usable & (elapsed > 0));
+        // What a radio holds says nothing of its error.
+        let holds = p_memory >= self.thresholds.clear;
+        let present = radio_usable && inertial_usable && residual.is_finite() && !repeated && !holds;
 
         state.silence = state.silence.saturating_add(elapsed);
         let restarted = state.started && state.silence > self.bridged_steps;
@@ -134,6 +141,7 @@ impl<T: RealField + Copy, const LEVELS: usize> HealthMonitor<T, LEVELS> {
             innovation_variance: evidence.variance,
             nis: nis.min(convert(MAX_NIS)),
             log_likelihood: evidence.log_likelihood,
+            p_memory,
             ..HealthOutput::default()
         };
         read_probabilities(&mut output, &now.weights, self.normal_levels);
@@ -154,6 +162,7 @@ impl<T: RealField + Copy, const LEVELS: usize> HealthMonitor<T, LEVELS> {
         alarms.follow(HealthAlarms::JUMP, output.p_jump, &self.thresholds);
         alarms.follow(HealthAlarms::NOISE, output.p_noise, &self.thresholds);
         alarms.follow(HealthAlarms::FAULT, output.p_fault, &self.thresholds);
+        alarms.follow(HealthAlarms::MEMORY, output.p_memory, &self.thresholds);
         let xi = output.inertial_error;
         let beyond = xi.value.abs() - convert::<f64, T>(INERTIAL_CONFIDENCE) * xi.sigma > self.inertial_bound;
         alarms.switch(HealthAlarms::INERTIAL, beyond, xi.value.abs() < self.inertial_bound);
@@ -197,7 +206,8 @@ fn read_probabilities<T: RealField + Copy, const LEVELS: usize>(
     let probability = |sum: T| sum.min(T::one());
     output.p_jump = probability(sum_from(present, 0));
     output.p_noise = probability(sum_from(absent, normal_levels) + sum_from(present, normal_levels));
-    output.p_fault = probability(output.p_jump + sum_from(absent, normal_levels));
+    let p_fault = probability(output.p_jump + sum_from(absent, normal_levels));
+    output.p_fault = p_fault + output.p_memory * (T::one() - p_fault);
 }
 
 fn read_estimates<T: RealField + Copy, const LEVELS: usize>(
@@ -236,6 +246,7 @@ saved!([T: Blank, const LEVELS: usize] HealthMonitor<T, LEVELS> {
     unobserved_steps,
     bridged_steps < MAX_SPAN_STEPS + 1,
     max_age_ms,
+    memory,
 });
 saved!([T: Blank, const LEVELS: usize] State<T, LEVELS> { recursion, started, silence, rejected, jump_steps, alarms });
 

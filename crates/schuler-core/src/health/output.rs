@@ -56,7 +56,9 @@ pub struct HealthOutput<T, const LEVELS: usize> {
     pub p_jump: T,
     /// Probability that the radio's noise is at a degraded level.
     pub p_noise: T,
-    /// Probability of either.
+    /// Probability that the radio holds its last value; zero where that is not looked for.
+    pub p_memory: T,
+    /// Probability of any of them.
     pub p_fault: T,
     /// Radio error ε + λm. With a residual it is d + ξ̂, else the prediction, m/s.
     pub radio_error: Estimate<T>,
@@ -95,6 +97,7 @@ impl<T: RealField + Copy, const LEVELS: usize> Default for HealthOutput<T, LEVEL
             mode_probability: [[T::zero(); LEVELS]; 2],
             p_jump: T::zero(),
             p_noise: T::zero(),
+            p_memory: T::zero(),
             p_fault: T::zero(),
             radio_error: none,
             inertial_error: none,

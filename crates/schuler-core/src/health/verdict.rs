@@ -28,10 +28,12 @@ bitflags! {
         const JUMP = 1;
         /// The radio's noise has grown to a degraded level.
         const NOISE = 1 << 1;
-        /// Either of them, even where it is open which.
+        /// Any of jump, noise and memory, even where it is open which.
         const FAULT = 1 << 2;
         /// The inertial error is beyond its specified bound.
         const INERTIAL = 1 << 3;
+        /// The radio holds its last value.
+        const MEMORY = 1 << 4;
     }
 }
 
@@ -67,6 +69,8 @@ pub enum Verdict {
     InertialDivergence,
     /// Several residuals in a row that no mode explains.
     OutOfModel,
+    /// The radio holds its last value.
+    HeldReading,
 }
 
 /// Whom the model blames. See the table of the module for what it cannot tell apart.
@@ -105,6 +109,7 @@ impl Findings {
         };
         let inertial = on(HealthAlarms::INERTIAL);
         match (self.out_of_model, self.observed, radio) {
+            _ if on(HealthAlarms::MEMORY) => (Verdict::HeldReading, Suspect::Radio),
             (true, _, _) => (Verdict::OutOfModel, Suspect::Either),
             (false, false, _) => (Verdict::Unobserved, Suspect::Neither),
             (false, true, Some(verdict)) if inertial || self.persistent_jump => (verdict, Suspect::Either),

@@ -22,6 +22,11 @@ const _: () = assert!(PARTS < DECIMATION as usize, "the bank must be faster than
 /// Lowest log-weight relative to the best.
 const FLOOR: f32 = -80.0;
 
+/// Normalised innovation squared beyond which a member has not foreseen a velocity.
+const MISLED: f32 = 25.0;
+/// What its variances are then multiplied by, as those of the filter where it starts again.
+const REACQUISITION: f32 = 100.0;
+
 /// The noise of both channels at one point of the grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChannelNoise {
@@ -57,13 +62,18 @@ struct Work {
     velocity: f32,
     variance: f32,
     present: bool,
+    /// The velocity error may have jumped before them.
+    jumped: bool,
     /// Whether it counts; it is done all the same.
     counts: bool,
 }
 
 impl Member {
-    /// Takes a sample, and adds to the sums over the bank, of which the mean so far and the greatest log-weight before are
+    /// Takes a sample, and adds to the moments of the bank, of which the mean before and the greatest log-weight before are
     /// given. One function for banks of any size.
+    ///
+    /// Mean and variance are carried from member to member as moments of the mixture so far (West's recursion): every term of
+    /// the variance is positive and nothing is subtracted, so that it neither cancels nor, with weights of 10⁻³⁵, underflows.
     #[inline(never)]
     fn work(
         &mut self,
@@ -73,11 +83,19 @@ impl Member {
         (reference, greatest): (&[f32; 4], f32),
         sums: &mut Sums,
     ) {
-        let Work { velocity, variance, present, counts } = *work;
+        let Work { velocity, variance, present, jumped, counts } = *work;
         let mut in_vain = *self;
         let member = select(counts, self, &mut in_vain);
         member.state.predict(model);
         let innovation = member.state.innovation(velocity, variance);
+        // One that has not foreseen what the filter started from has been misled as well: all that
+        // it knows is as uncertain as there, unless it is already.
+        let [_, _, _, drift] = member.state.variances();
+        let misled = jumped & (innovation.nis() > MISLED) & (drift < noise.gyro.sigma * noise.gyro.sigma);
+        let factor = select(misled, REACQUISITION, 1.0);
+        member.state.covariance = member.state.covariance.map(|p| p * factor);
+        let innovation = member.state.innovation(velocity, variance);
+        let innovation = member.state.after_jump_if(jumped, innovation);
         member.state.correct(&innovation, present);
         let gained = select(present, innovation.log_likelihood(), 0.0);
         // A member that has lost its footing weighs nothing from then on.
@@ -85,17 +103,23 @@ impl Member {
         let sound = member.state.is_sound();
         member.log_weight = select(sound, relative.max(FLOOR), FLOOR);
 
+        // What is not sound, or does not count, weighs nothing; it is multiplied by that and not passed over, which would take
+        // less work.
         let sound = sound & counts;
-        let weight = select(sound, libm::expf(member.log_weight), 0.0);
+        let weight = f32::from(u8::from(sound)) * libm::expf(member.log_weight);
         let parameters = noise.logarithms();
         sums.weight += weight;
-        let (mean, variances) = (member.state.mean, member.state.variances());
-        let away = each!(|i| mean[i] - reference[i]; 0 1 2 3);
+        // Its share of the mixture so far, and that of the members before it.
+        let share = weight / sums.weight.max(f32::MIN_POSITIVE);
+        let rest = 1.0 - share;
+        let state = select(sound, &member.state, &Gaussian { mean: [0.0; 4], covariance: [0.0; 10] });
+        let (mean, variances) = (state.mean, state.variances());
         let (first, second, logarithms) = (sums.first, sums.second, sums.log_parameters);
-        sums.first = each!(|i| first[i] + select(sound, weight * away[i], 0.0); 0 1 2 3);
+        let apart = each!(|i| mean[i] - reference[i] - first[i]; 0 1 2 3);
+        sums.first = each!(|i| first[i] + share * apart[i]; 0 1 2 3);
         sums.second =
-            each!(|i| second[i] + select(sound, weight * (variances[i] + away[i] * away[i]), 0.0); 0 1 2 3);
-        sums.log_parameters = each!(|i| logarithms[i] + weight * parameters[i]; 0 1 2 3);
+            each!(|i| rest * second[i] + share * (variances[i] + rest * apart[i] * apart[i]); 0 1 2 3);
+        sums.log_parameters = each!(|i| rest * logarithms[i] + share * parameters[i]; 0 1 2 3);
         let better = counts & (member.log_weight > sums.greatest);
         sums.greatest = select(better, member.log_weight, sums.greatest);
         sums.best = select(better, parameters, sums.best);
@@ -113,6 +137,8 @@ pub struct Mixture {
     pub log_mean: [f32; 4],
     /// The best member's ln σ_a, ln τ_a, ln σ_w, ln τ_w.
     pub best: [f32; 4],
+    /// Sound members stand behind it. Without any, the rest is what it was before.
+    pub sound: bool,
 }
 
 /// A bank of `M` = (3 `L`)² filters over samples of ten steps.
@@ -133,12 +159,13 @@ pub struct FilterBank<const L: usize, const M: usize> {
     mixture: Mixture,
 }
 
-/// Sums over the members while one sample is worked on.
+/// Moments of the members so far, while one sample is worked on.
 #[derive(Clone, Copy, Debug)]
 struct Sums {
     weight: f32,
-    /// Of the means less the previous mixture's.
+    /// Mean, less the previous mixture's.
     first: [f32; 4],
+    /// Variance about the mean.
     second: [f32; 4],
     log_parameters: [f32; 4],
     greatest: f32,
@@ -158,7 +185,8 @@ impl Sums {
 }
 
 impl Mixture {
-    const EMPTY: Self = Self { mean: [0.0; 4], variance: [0.0; 4], log_mean: [0.0; 4], best: [0.0; 4] };
+    const EMPTY: Self =
+        Self { mean: [0.0; 4], variance: [0.0; 4], log_mean: [0.0; 4], best: [0.0; 4], sound: false };
 }
 
 impl<const L: usize, const M: usize> FilterBank<L, M> {
@@ -281,21 +309,23 @@ impl<const L: usize, const M: usize> FilterBank<L, M> {
         let variance = sample.variance(variance_of_one);
         let Some(member) = self.members.get_mut(index) else { return };
         let relative_to = (&self.mixture.mean, self.greatest);
-        let work = Work { velocity: sample.mean, variance, present: sample.is_present(), counts };
+        let (present, jumped) = (sample.is_present(), sample.jumped);
+        let work = Work { velocity: sample.mean, variance, present, jumped, counts };
         member.work(&work, &model, &noise, relative_to, &mut self.sums);
     }
 
     fn complete(&mut self) {
-        let sums = &self.sums;
+        let (sums, mixture) = (&self.sums, &mut self.mixture);
+        mixture.sound = sums.weight > 0.0;
         // Without a sound member the old mixture stands.
-        let inverse = if sums.weight > 0.0 { 1.0 / sums.weight } else { 0.0 };
-        for i in 0..4 {
-            let away = sums.first[i] * inverse;
-            self.mixture.mean[i] += away;
-            self.mixture.variance[i] = sums.second[i] * inverse - away * away;
-            self.mixture.log_mean[i] = sums.log_parameters[i] * inverse;
+        if mixture.sound {
+            for (mean, away) in mixture.mean.iter_mut().zip(sums.first) {
+                *mean += away;
+            }
+            mixture.variance = sums.second;
+            mixture.log_mean = sums.log_parameters;
+            mixture.best = sums.best;
         }
-        self.mixture.best = sums.best;
         self.greatest = sums.greatest;
         self.sums = Sums::EMPTY;
     }
@@ -381,7 +411,7 @@ fn part(parts: &[Part; TAUS], index: usize) -> Part {
 saved!([] ChannelNoise { accelerometer, gyro });
 saved!([] Part { to_velocity, to_vertical, decay, noise });
 saved!([] Member { state, log_weight });
-saved!([] Mixture { mean, variance, log_mean, best });
+saved!([] Mixture { mean, variance, log_mean, best, sound });
 saved!([] Sums { weight, first, second, log_parameters, greatest, best });
 saved!([const L: usize, const M: usize] FilterBank<L, M> {
     accelerometer,

@@ -17,13 +17,13 @@
 //!
 //! The published loop alone ([`super::PublishedLoop`]) does not converge; why stands there.
 
-use super::bank::{ChannelNoise, FilterBank, Grid, PARTS};
+use super::bank::{ChannelNoise, FilterBank, Grid, Mixture, PARTS};
 use super::read_out::{LAGS, PASSES, ReadOut};
-use super::replay::{ColouredChannels, Hypothesis, Replay, Stretch};
+use super::replay::{ColouredChannels, DIFFUSE, Hypothesis, Replay, Stretch};
 use super::simplex::Simplex;
 use super::structure::ExponentialCosine;
 use super::window::{DECIMATION, MeasurementWindow, WINDOW};
-use super::{AveragedEstimate, ChannelStatus, IdentificationConfig, steps_in};
+use super::{AveragedEstimate, ChannelStatus, EstimateSource, IdentificationConfig, steps_in};
 use crate::filter::{ColouredGaussian, ColouredNoise, FilterConfig, Gaussian, Kernel, MarkovNoise};
 use crate::number::select;
 use crate::saved::{Saved, Walk, saved};
@@ -31,13 +31,15 @@ use crate::saved::{Saved, Walk, saved};
 /// Samples replayed per step.
 const REPLAY_SAMPLES: u32 = 256;
 /// Samples not replayed in a step that has laid out the wide bank: that, and what else a jump of the clock restarts, takes as long.
-const LAYING_SAMPLES: u32 = 76;
+const LAYING_SAMPLES: u32 = 91;
 /// Samples replayed per step while lagged products are collected.
 const READ_OUT_SAMPLES: u32 = 192;
 /// Samples replayed per step with six states.
 const COLOURED_SAMPLES: u32 = 80;
-/// Parts of the narrow bank's work done per step while it catches up: three samples.
-const CATCH_UP_PARTS: usize = 27;
+/// Members worked on in vain in a step that starts members: with them it takes as long as one without.
+const BEGINNING_IN_VAIN: usize = 10;
+/// Parts of the narrow bank's work done per step while it catches up, nine a sample: as many as take no longer than a replay.
+const CATCH_UP_PARTS: usize = 25;
 
 /// Edge of the first simplex, in the logarithms of the parameters.
 const SEARCH_STEP: f32 = 0.7;
@@ -187,6 +189,10 @@ pub struct LikelihoodIdentifier {
     begun: usize,
     /// This step has laid out the wide bank.
     laid: bool,
+    /// Means and standard deviations of ΔV, m/s, and δ, rad, that its members start from.
+    first: [[f32; 2]; 2],
+    /// They are those of a start in the midst of a flight.
+    restarted: bool,
     places: [Place; 2],
     /// The place of the narrow bank in use, once there is one.
     active: Option<u8>,
@@ -235,6 +241,8 @@ impl LikelihoodIdentifier {
             wide: WideBank::new(),
             begun: 0,
             laid: false,
+            first: [[0.0; 2]; 2],
+            restarted: false,
             places: [Place::EMPTY; 2],
             active: None,
             simplex: Simplex::idle(),
@@ -291,15 +299,28 @@ impl LikelihoodIdentifier {
         self.wide.start_at(0);
         self.begun = 0;
         self.laid = false;
+        self.first = [[0.0; 2], [filter.initial_velocity_sigma, filter.initial_vertical_sigma]];
+        self.restarted = false;
         let in_use = self.in_use;
         self.stretch = self.whole_window();
         self.evaluate(filter, &in_use);
     }
 
-    /// The same in the midst of a flight: the step in which it happens works no longer than another.
-    pub fn restart(&mut self, filter: &FilterConfig<f32>, config: &IdentificationConfig) {
+    /// The same in the midst of a flight, from a velocity error, m/s, and with next to nothing known
+    /// of the vertical, which may be worse by then than at the start. The step in which it happens
+    /// works no longer than another.
+    pub fn restart(&mut self, filter: &FilterConfig<f32>, config: &IdentificationConfig, velocity: f32) {
         self.start(filter, config);
         self.laid = true;
+        self.first = [[velocity, 0.0], DIFFUSE];
+        self.restarted = true;
+    }
+
+    /// Where `condition` holds, the main filter starts from the measurement of the step that comes
+    /// next: the velocity error may have jumped. The banks have nothing to say until they have come
+    /// to what is measured after it.
+    pub fn break_off_if(&mut self, condition: bool) {
+        self.window.break_off_if(condition);
     }
 
     /// One step: takes the velocity error (m/s) or a gap and the main filter's state after it, does one quantum
@@ -339,11 +360,14 @@ impl LikelihoodIdentifier {
     /// Starts the next members of the wide bank: as many as it would otherwise work on, so that all stand before the first
     /// sample is there.
     fn begin_members(&mut self, filter: &FilterConfig<f32>, config: &IdentificationConfig) {
+        let [mean, sigma] = self.first;
         for index in self.begun..self.begun + WIDE / PARTS {
             let noise = self.wide.noise(index);
-            self.wide.start_member(index, &noise.prior(filter), prior(filter, config, &noise));
+            self.wide.start_member(index, &noise.stationary(mean, sigma), prior(filter, config, &noise));
         }
         self.begun += WIDE / PARTS;
+        // To start a member is less work than to work on a sample with one.
+        self.wide.work_in_vain(BEGINNING_IN_VAIN, filter.velocity_noise * filter.velocity_noise);
     }
 
     /// Takes a gap of whole steps, as when the module was not called; at most `LONGEST_SKIP`
@@ -352,29 +376,36 @@ impl LikelihoodIdentifier {
         self.window.skip(steps);
     }
 
-    /// The estimate averaged over what is not known of the parameters.
+    /// The estimate averaged over what is not known of the parameters; none while no bank has anything to say: until the first
+    /// sample is complete, after the filter has started from a measurement, and where not one member is sound.
     ///
     /// The banks work on ten-step means and hold for the middle of the last one. While only the wide bank is
     /// there, its mixture is carried to the present by the loop's equations; after that, the mixture says how far
     /// the main filter (`present`) was off at the last sample, and the main filter has the newest measurements.
-    pub fn averaged(&self, filter: &FilterConfig<f32>, present: &Gaussian<f32>) -> AveragedEstimate {
+    #[inline(never)]
+    pub fn averaged(&self, filter: &FilterConfig<f32>, present: &Gaussian<f32>) -> Option<AveragedEstimate> {
         let narrow = self.active.and_then(|active| self.places.get(usize::from(active))?.bank());
-        let (estimate, variance) = if let Some(narrow) = narrow {
+        let (estimate, variance, source) = if let Some(narrow) = narrow {
+            let mixture = self.heard(narrow.mixture(), narrow.cursor())?;
             let mut estimate = present.mean;
             for (x, correction) in estimate.iter_mut().zip(self.correction) {
                 *x += correction;
             }
-            (estimate, narrow.mixture().variance)
+            (estimate, mixture.variance, EstimateSource::NarrowBank)
         } else {
+            let mixture = self.heard(self.wide.mixture(), self.wide.cursor())?;
             let samples_behind = self.window.completed().saturating_sub(self.wide.cursor());
             let steps_behind = samples_behind.wrapping_mul(DECIMATION).wrapping_add(self.window.steps());
-            let behind = steps_behind as f32 * filter.step_s;
-            let started = if self.wide.cursor() > 0 { 1.0 } else { 0.0 };
-            let mixture = self.wide.mixture();
-            let age_s = started * (behind + middle_to_end(filter));
-            (carried(filter, mixture.mean, age_s), mixture.variance)
+            let age_s = steps_behind as f32 * filter.step_s + middle_to_end(filter);
+            let variance = aged(filter, mixture.variance, age_s);
+            (carried(filter, mixture.mean, age_s), variance, EstimateSource::WideBank)
         };
-        AveragedEstimate { estimate, sigma: variance.map(|p| libm::sqrtf(p.max(0.0))) }
+        Some(AveragedEstimate { estimate, sigma: variance.map(libm::sqrtf), source })
+    }
+
+    /// The mixture of a bank that works on the sample with this index, if it has anything to say.
+    fn heard<'a>(&self, mixture: &'a Mixture, cursor: u32) -> Option<&'a Mixture> {
+        (mixture.sound & !self.window.jumps_after(cursor)).then_some(mixture)
     }
 
     /// The parameters in use.
@@ -468,7 +499,7 @@ impl LikelihoodIdentifier {
     fn whole_window(&self) -> Stretch {
         let end = self.window.completed();
         let mut begin = end.saturating_sub(WINDOW);
-        let from_start = begin == 0;
+        let from_start = (begin == 0) & !self.restarted;
         for _ in 0..LONGEST_GAP {
             let gap = !from_start && !self.window.sample(begin).is_present();
             begin += u32::from(gap && begin < end);
@@ -884,6 +915,20 @@ fn carried(filter: &FilterConfig<f32>, mean: [f32; 4], age_s: f32) -> [f32; 4] {
     ]
 }
 
+/// Variances of a mean that has been carried so: what is not known of tilt and errors has grown into velocity and tilt, as if
+/// they were independent, which is the most that it can have.
+fn aged(filter: &FilterConfig<f32>, variance: [f32; 4], age_s: f32) -> [f32; 4] {
+    let [velocity, vertical, acceleration, drift] = variance;
+    let square = age_s * age_s;
+    let (g, r) = (filter.gravity, filter.radius_m);
+    [
+        velocity + square * (acceleration + g * g * vertical),
+        vertical + square * (velocity / (r * r) + drift),
+        acceleration,
+        drift,
+    ]
+}
+
 fn difference(x: [f32; 4], y: [f32; 4]) -> [f32; 4] {
     [x[0] - y[0], x[1] - y[1], x[2] - y[2], x[3] - y[3]]
 }
@@ -893,6 +938,8 @@ saved!([] LikelihoodIdentifier {
     wide,
     begun < WIDE + 1,
     laid,
+    first,
+    restarted,
     places,
     active < 2,
     simplex,
@@ -933,7 +980,7 @@ impl Saved for Place {
             Self::ReadOut(read_out) => read_out.walk(walk),
         }
         while walk.here() < end {
-            0u32.walk(walk);
+            0u8.walk(walk);
         }
     }
 }

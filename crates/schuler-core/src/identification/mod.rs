@@ -112,13 +112,36 @@ pub struct NoiseEstimate {
     pub status: ChannelStatus,
 }
 
+/// Where the averaged estimate comes from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum EstimateSource {
+    /// The filter, with the noise parameters in use: there is no bank, or it has nothing to say (yet), or an exponential-cosine
+    /// is flown.
+    #[default]
+    Filter,
+    /// The wide bank, over everything that the data sheet allows.
+    WideBank,
+    /// The narrow bank around the parameters that were identified.
+    NarrowBank,
+}
+
 /// The estimate averaged over what is not known of the noise parameters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct AveragedEstimate {
     /// Mean of [ΔV, δ, a, ω]: m/s, rad, m/s², rad/s.
     pub estimate: [f32; 4],
-    /// Standard deviations, the uncertainty of the noise parameters included.
+    /// Standard deviations, the uncertainty of the noise parameters included where a bank is the source. Never zero.
     pub sigma: [f32; 4],
+    /// Where both come from.
+    pub source: EstimateSource,
+}
+
+impl AveragedEstimate {
+    /// Every estimate is finite, every standard deviation finite and positive.
+    pub(crate) fn is_sound(&self) -> bool {
+        let finite = self.estimate.iter().all(|x| x.is_finite());
+        finite && self.sigma.iter().all(|&sigma| sigma.is_finite() && sigma > 0.0)
+    }
 }
 
 /// What the identifier says each step.

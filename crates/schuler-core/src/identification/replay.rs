@@ -12,10 +12,9 @@ use crate::filter::{
 use crate::number::{CompensatedSum, select};
 use crate::saved::{Blank, saved};
 
-/// Spread of the velocity error about the first sample where a window does not begin at power-on, m/s.
-const DIFFUSE_VELOCITY: f32 = 1.0;
-/// Spread of the error of the vertical there, rad: half a degree.
-const DIFFUSE_VERTICAL: f32 = 1e-2;
+/// Spread of the velocity error about the first sample where a window does not begin at power-on,
+/// m/s, and of the error of the vertical there, rad: half a degree.
+pub(super) const DIFFUSE: [f32; 2] = [1.0, 1e-2];
 
 /// The stretch of samples that one identification looks at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -126,7 +125,7 @@ impl<H: Hypothesis> Replay<H> {
             hypothesis.prior(config)
         } else {
             let first = window.sample(stretch.begin).mean;
-            hypothesis.stationary([first, 0.0], [DIFFUSE_VELOCITY, DIFFUSE_VERTICAL])
+            hypothesis.stationary([first, 0.0], DIFFUSE)
         };
         self.filter = Some((hypothesis.model(config, config.step_s * DECIMATION as f32), state));
         self.variance_of_one = config.velocity_noise * config.velocity_noise;
@@ -160,6 +159,7 @@ impl<H: Hypothesis> Replay<H> {
             let state = select(counts, &mut *state, &mut in_vain);
             state.predict(model);
             let innovation = state.innovation(sample.mean, sample.variance(self.variance_of_one));
+            let innovation = state.after_jump_if(sample.jumped, innovation);
             let present = sample.is_present();
             state.correct(&innovation, present);
             let gained = innovation.log_likelihood();

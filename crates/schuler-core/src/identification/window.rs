@@ -25,6 +25,8 @@ pub struct Sample {
     pub mean: f32,
     /// Values in it; zero in a gap.
     pub count: u8,
+    /// The velocity error may have jumped since the last sample that is no gap.
+    pub jumped: bool,
 }
 
 impl Sample {
@@ -40,23 +42,30 @@ impl Sample {
 }
 
 /// A sample in four bytes: the number of values stands in the last four bits of the mean, which are worth two millionths
-/// of it.
+/// of it. It is zero, or five to ten. Six more stand for a sample before which the velocity error
+/// may have jumped, which counts nine values at most, as the one that shows the jump is left out.
 #[derive(Clone, Copy, Debug)]
 struct Packed(u32);
 
 const COUNT_BITS: u32 = 0xF;
-const _: () = assert!(DECIMATION <= COUNT_BITS);
+const JUMPED: u32 = 6;
+const _: () = assert!(DECIMATION / 2 + JUMPED > DECIMATION && DECIMATION - 1 + JUMPED <= COUNT_BITS);
 
 impl Packed {
     const GAP: Self = Self(0);
 
     fn new(sample: Sample) -> Self {
         let rounded = sample.mean.to_bits().saturating_add(COUNT_BITS.div_ceil(2));
-        Self(rounded & !COUNT_BITS | u32::from(sample.count) & COUNT_BITS)
+        let count = u32::from(sample.count);
+        let told = select(sample.jumped, count.min(DECIMATION - 1) + JUMPED, count);
+        Self(rounded & !COUNT_BITS | told & COUNT_BITS)
     }
 
     fn sample(self) -> Sample {
-        Sample { mean: f32::from_bits(self.0 & !COUNT_BITS), count: (self.0 & COUNT_BITS) as u8 }
+        let told = self.0 & COUNT_BITS;
+        let jumped = told > DECIMATION;
+        let count = select(jumped, told.wrapping_sub(JUMPED), told) as u8;
+        Sample { mean: f32::from_bits(self.0 & !COUNT_BITS), count, jumped }
     }
 }
 
@@ -69,12 +78,24 @@ pub struct MeasurementWindow {
     sum: f32,
     present: u8,
     steps: u32,
+    /// The velocity error may have jumped since the last sample that is no gap.
+    jumped: bool,
+    /// Index after the newest sample that says so.
+    after_jump: u32,
 }
 
 impl MeasurementWindow {
     /// An empty window.
     pub const fn new() -> Self {
-        Self { samples: [Packed::GAP; CAPACITY], completed: 0, sum: 0.0, present: 0, steps: 0 }
+        Self {
+            samples: [Packed::GAP; CAPACITY],
+            completed: 0,
+            sum: 0.0,
+            present: 0,
+            steps: 0,
+            jumped: false,
+            after_jump: 0,
+        }
     }
 
     /// Forgets everything.
@@ -83,6 +104,18 @@ impl MeasurementWindow {
         self.sum = 0.0;
         self.present = 0;
         self.steps = 0;
+        self.jumped = false;
+        self.after_jump = 0;
+    }
+
+    /// Where `condition` holds, the velocity error may have jumped before the next value.
+    pub fn break_off_if(&mut self, condition: bool) {
+        self.jumped |= condition;
+    }
+
+    /// Whether it may have jumped behind the samples before this index.
+    pub fn jumps_after(&self, index: u32) -> bool {
+        self.jumped | (index < self.after_jump)
     }
 
     /// Takes one step's value; true when it completed a sample.
@@ -111,11 +144,14 @@ impl MeasurementWindow {
         let enough = u32::from(self.present) * 2 >= DECIMATION;
         let count = select(enough, self.present, 0);
         let mean = select(enough, self.sum / f32::from(self.present.max(1)), 0.0);
+        let jumped = self.jumped & enough;
         let index = self.completed as usize % CAPACITY;
         if let Some(slot) = self.samples.get_mut(index) {
-            *slot = select(condition, Packed::new(Sample { mean, count }), *slot);
+            *slot = select(condition, Packed::new(Sample { mean, count, jumped }), *slot);
         }
         self.completed = self.completed.wrapping_add(u32::from(condition));
+        self.after_jump = select(condition & jumped, self.completed, self.after_jump);
+        self.jumped &= !(condition & enough);
         self.sum = select(condition, 0.0, self.sum);
         self.present = select(condition, 0, self.present);
         self.steps = select(condition, 0, self.steps);
@@ -153,6 +189,8 @@ saved!([] MeasurementWindow {
     sum,
     present < DECIMATION,
     steps < DECIMATION,
+    jumped,
+    after_jump,
 } always);
 
 impl Saved for Packed {
@@ -163,6 +201,9 @@ impl Saved for Packed {
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
+    use std::vec::Vec;
+
     use super::*;
 
     #[test]
@@ -172,16 +213,18 @@ mod tests {
             let complete = window.push((step % 2 == 0).then_some(step as f32));
             assert_eq!(complete, step == 9);
         }
-        assert_eq!(window.sample(0), Sample { mean: 4.0, count: 5 });
+        assert_eq!(window.sample(0), Sample { mean: 4.0, count: 5, jumped: false });
         assert_eq!(window.sample(1), Sample::default());
     }
 
     #[test]
     fn a_packed_sample_keeps_its_count_and_two_millionths_of_its_mean() {
         for mean in [0.0, 1e-30, -0.1, 0.333_333_34, -999.999_9, 1000.0] {
-            for count in 0..=10 {
-                let back = Packed::new(Sample { mean, count }).sample();
-                assert_eq!(back.count, count);
+            for (count, jumped) in
+                (0..=10).map(|count| (count, false)).chain((5..10).map(|count| (count, true)))
+            {
+                let back = Packed::new(Sample { mean, count, jumped }).sample();
+                assert_eq!((back.count, back.jumped), (count, jumped));
                 assert!((back.mean - mean).abs() <= 1e-6 * mean.abs());
             }
         }
@@ -216,6 +259,29 @@ mod tests {
             window.push((step < 4).then_some(1.0));
         }
         assert!(!window.sample(0).is_present());
+    }
+
+    /// The sample after a jump says so, over gaps; a bank has heard of it once it is behind that sample.
+    #[test]
+    fn a_jump_is_told_with_the_first_sample_behind_it() {
+        for gaps in [0, 2] {
+            let mut window = MeasurementWindow::new();
+            (0..13).for_each(|_| assert!(!window.push(Some(1.0)) || window.completed() == 1));
+            window.break_off_if(false);
+            assert!(!window.jumps_after(0));
+            window.break_off_if(true);
+            assert!(window.jumps_after(1));
+            window.skip(7 + 10 * gaps);
+            assert!(window.jumps_after(window.completed()));
+            (0..20).for_each(|_| {
+                window.push(Some(2.0));
+            });
+            let told: Vec<bool> = (0..window.completed()).map(|index| window.sample(index).jumped).collect();
+            let first = 2 + gaps as usize;
+            assert!(told.iter().enumerate().all(|(index, &jumped)| jumped == (index == first)), "{told:?}");
+            assert!(window.jumps_after(first as u32) && !window.jumps_after(first as u32 + 1));
+            assert_eq!(window.sample(first as u32).count, 9);
+        }
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! What the module is told before the flight.
 use serde::{Deserialize, Serialize};
 
+use super::trust::RadioUse;
 use super::{HEALTH_LEVELS, THERMOMETERS};
 use crate::config::{ConfigError, Problem};
 use crate::filter::{FilterConfig, MarkovNoise, positive};
@@ -23,6 +24,8 @@ pub struct ModuleConfig {
     pub thermometers: [Option<TemperatureRateConfig<f32>>; THERMOMETERS],
     /// Health monitor; off without configuration.
     pub health: Option<HealthConfig<f32, HEALTH_LEVELS>>,
+    /// What the health monitor's verdict does to the filter's measurement; without, or without a monitor, nothing.
+    pub radio_use: Option<RadioUse>,
     /// Readings older than this are not used, milliseconds. The health monitor has its own limit.
     pub max_age_ms: u32,
     /// Velocity errors beyond this are saturated or nonsense and are not used, m/s.
@@ -47,6 +50,7 @@ impl Default for ModuleConfig {
             isolation: IsolationConfig::CONE,
             thermometers: [None; THERMOMETERS],
             health: None,
+            radio_use: None,
             max_age_ms: 1500,
             velocity_range: 1000.0,
         }
@@ -56,14 +60,23 @@ impl Default for ModuleConfig {
 impl ModuleConfig {
     /// Tells one configuration from another.
     pub(super) fn fingerprint(mut self) -> u32 {
-        let Self { filter, identification, isolation, thermometers, health, max_age_ms, velocity_range } =
-            &mut self;
+        let Self {
+            filter,
+            identification,
+            isolation,
+            thermometers,
+            health,
+            radio_use,
+            max_age_ms,
+            velocity_range,
+        } = &mut self;
         let mut sum = Walk::sum();
         filter.walk(&mut sum);
         identification.walk(&mut sum);
         isolation.walk(&mut sum);
         thermometers.walk(&mut sum);
         health.walk(&mut sum);
+        radio_use.walk(&mut sum);
         max_age_ms.walk(&mut sum);
         velocity_range.walk(&mut sum);
         sum.checksum().value()
@@ -88,6 +101,9 @@ impl ModuleConfig {
                 return Err(ConfigError::new("health.step_s", Problem::OutOfRange));
             }
         }
+        if let Some(radio_use) = &self.radio_use {
+            radio_use.validate()?;
+        }
         positive("velocity_range", self.velocity_range)
     }
 }
@@ -99,6 +115,8 @@ pub(super) struct StepConfig {
     pub(super) identification: IdentificationConfig,
     /// The health monitor listens.
     pub(super) monitored: bool,
+    /// What its verdict does, if anything.
+    pub(super) radio_use: Option<RadioUse>,
     pub(super) max_age_ms: u32,
     pub(super) velocity_range: f32,
 }
@@ -109,10 +127,11 @@ impl From<&ModuleConfig> for StepConfig {
             filter: config.filter,
             identification: config.identification,
             monitored: config.health.is_some(),
+            radio_use: config.radio_use.filter(|_| config.health.is_some()),
             max_age_ms: config.max_age_ms,
             velocity_range: config.velocity_range,
         }
     }
 }
 
-saved!([] StepConfig { filter, identification, monitored, max_age_ms, velocity_range });
+saved!([] StepConfig { filter, identification, monitored, radio_use, max_age_ms, velocity_range });

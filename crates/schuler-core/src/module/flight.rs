@@ -6,7 +6,8 @@ use super::input::{Command, StepInput};
 use super::output::{Status, StepOutput};
 use super::thermometer::Thermometer;
 use super::time::{Clock, Passage};
-use super::velocity::{Identifier, VelocityChannel, usable};
+use super::trust::Withholding;
+use super::velocity::{Identifier, Measurement, VelocityChannel, usable};
 use super::{HEALTH_LEVELS, THERMOMETERS};
 use crate::compensation::{Block, BlockHead, Compensation, Compensator, Known, Term};
 use crate::config::{ConfigError, Problem};
@@ -67,6 +68,7 @@ struct Running {
     /// The block in force has terms of the velocity channel.
     corrects_velocity: bool,
     velocity: VelocityChannel,
+    withholding: Withholding,
     /// What happened since the last step, for its status.
     news: Status,
     /// What the block in force was called by whoever loaded it.
@@ -240,6 +242,7 @@ impl Stage {
             clock: Clock::default(),
             corrects_velocity: false,
             velocity: VelocityChannel::try_build(&config.filter)?,
+            withholding: Withholding::default(),
             news: Status::empty(),
             compensation_name: None,
         });
@@ -343,10 +346,28 @@ impl Running {
             Slot::Empty => Compensation::default(),
         };
 
+        // Health monitor.
+        let listened = |reading: &Reading<f32>| if config.monitored { *reading } else { Reading::missing() };
+        let (radio, inertial) = (listened(&input.radio_velocity), listened(&input.inertial_velocity));
+        let health = match &mut parts.health {
+            Slot::Full(monitor) => monitor.step(&radio, &inertial, passage.elapsed()),
+            Slot::Empty => HealthOutput::default(),
+        };
+
         // Velocity channel.
-        let measured = velocity.map(|velocity| velocity - compensation.velocity);
-        let (filter, identification) =
-            self.velocity.step(identifier, config, passage, measured, compensation.loop_errors, &mut status);
+        let duration_s = passage.moved() as f32 * config.filter.step_s;
+        let trust = self.withholding.step(config.radio_use.as_ref(), &health, duration_s);
+        status.set(Status::VELOCITY_WITHHELD, velocity.is_some() & trust.withheld);
+        let measured = velocity.filter(|_| !trust.withheld).map(|velocity| velocity - compensation.velocity);
+        let measurement = Measurement { velocity: measured, weight: trust.weight };
+        let (filter, identification) = self.velocity.step(
+            identifier,
+            config,
+            passage,
+            measurement,
+            compensation.loop_errors,
+            &mut status,
+        );
 
         // Gyro block.
         let readmit = match input.command {
@@ -360,14 +381,6 @@ impl Running {
         let isolation = match &mut parts.isolation {
             Slot::Full(block) => block.step_corrected(&gyros, &errors, readmit),
             Slot::Empty => IsolationOutput::default(),
-        };
-
-        // Health monitor.
-        let listened = |reading: &Reading<f32>| if config.monitored { *reading } else { Reading::missing() };
-        let (radio, inertial) = (listened(&input.radio_velocity), listened(&input.inertial_velocity));
-        let health = match &mut parts.health {
-            Slot::Full(monitor) => monitor.step(&radio, &inertial, passage.elapsed()),
-            Slot::Empty => HealthOutput::default(),
         };
 
         StepOutput {
@@ -396,7 +409,17 @@ impl<T: Blank> Slot<T> {
     }
 }
 
-saved!([] Running { config, fingerprint, steps, clock, corrects_velocity, velocity, news, compensation_name });
+saved!([] Running {
+    config,
+    fingerprint,
+    steps,
+    clock,
+    corrects_velocity,
+    velocity,
+    withholding,
+    news,
+    compensation_name,
+});
 
 saved!([] Parts { isolation, thermometers, compensator, health } always);
 

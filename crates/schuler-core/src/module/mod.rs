@@ -24,11 +24,12 @@
 //! | `config` | [`ModuleConfig`] |
 //! | `time` | what the time stamps say, and a clock that only runs forward |
 //! | `thermometer` | one thermometer and how long it has been silent |
+//! | `trust` | [`RadioUse`]: what the health monitor's verdict does to the filter's measurement |
 //! | `velocity` | error filter and noise identification: the velocity channel |
 //! | `flight` | [`FlightModule`]: the step |
 //! | `state` | the state of the module as bytes, to go on after a power cycle |
 //!
-//! In a step: time; temperatures and rates; corrections; velocity channel; gyro block; health monitor. A part without
+//! In a step: time; temperatures and rates; corrections; health monitor; velocity channel; gyro block. A part without
 //! configuration runs on missing readings: its output says that it has none, and the work of a step is the same.
 mod config;
 mod flight;
@@ -37,6 +38,7 @@ mod output;
 mod state;
 mod thermometer;
 mod time;
+mod trust;
 mod velocity;
 
 pub use config::ModuleConfig;
@@ -44,6 +46,7 @@ pub use flight::FlightModule;
 pub use input::{Command, StepInput};
 pub use output::{Status, StepOutput};
 pub use state::{STATE_VERSION, StateError, StateLoader};
+pub use trust::RadioUse;
 
 /// Number of gyros in the block.
 pub const GYROS: usize = 5;

@@ -65,6 +65,8 @@ bitflags! {
         const COMPENSATION_LOADED = 1 << 11;
         /// That block, or the one before it, acts on the velocity channel, which has therefore started anew.
         const VELOCITY_RESTARTED = 1 << 12;
+        /// The velocity measurement could have been used and was not, as the radio behind it is held faulty.
+        const VELOCITY_WITHHELD = 1 << 13;
     }
 }
 

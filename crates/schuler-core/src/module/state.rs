@@ -24,7 +24,7 @@ use super::FlightModule;
 use crate::saved::{Checksum, Saved, Walk};
 
 /// Version of the block: what is saved, and in which order.
-pub const STATE_VERSION: u32 = 5;
+pub const STATE_VERSION: u32 = 6;
 
 const MAGIC: [u8; 4] = *b"SCHS";
 /// Magic, version, length, fingerprint.

@@ -7,8 +7,9 @@ use crate::compensation::LoopResponse;
 use crate::config::ConfigError;
 use crate::filter::{ColouredGaussian, ErrorFilter, FilterConfig, FilterOutput, Kernel};
 use crate::identification::{
-    AveragedEstimate, ChannelNoise, ChannelStatus, ColouredChannels, Hypothesis, IdentificationConfig,
-    IdentificationOutput, LikelihoodIdentifier, Method, NoiseEstimate, PublishedLoop, Retuned,
+    AveragedEstimate, ChannelNoise, ChannelStatus, ColouredChannels, EstimateSource, Hypothesis,
+    IdentificationConfig, IdentificationOutput, LikelihoodIdentifier, Method, NoiseEstimate, PublishedLoop,
+    Retuned,
 };
 use crate::reading::{Quality, Reading};
 use crate::saved::{Saved, Walk, saved};
@@ -41,7 +42,6 @@ impl Identifier {
         }
     }
 
-    /// Starts the likelihood identifier anew, whose window must not reach over a jump of the clock.
     /// One of this method, with what is left of before if it was one already.
     fn become_of(&mut self, method: Method) {
         match (method, &*self) {
@@ -60,9 +60,16 @@ impl Identifier {
         }
     }
 
-    fn restart(&mut self, filter: &FilterConfig<f32>, config: &IdentificationConfig) {
+    /// Starts the likelihood identifier anew, whose window must not reach over a jump of the clock.
+    fn restart(&mut self, filter: &FilterConfig<f32>, config: &IdentificationConfig, velocity: f32) {
         if let Self::Likelihood(likelihood) = self {
-            likelihood.restart(filter, config);
+            likelihood.restart(filter, config, velocity);
+        }
+    }
+
+    fn break_off_if(&mut self, condition: bool) {
+        if let Self::Likelihood(likelihood) = self {
+            likelihood.break_off_if(condition);
         }
     }
 
@@ -71,6 +78,15 @@ impl Identifier {
             likelihood.skip(steps);
         }
     }
+}
+
+/// What is measured in a step.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Measurement {
+    /// Velocity error, m/s, less the known error of its measurement.
+    pub(super) velocity: Option<f32>,
+    /// What it counts for; one where nothing speaks against it.
+    pub(super) weight: f32,
 }
 
 /// The filter and the noise that it flies with.
@@ -101,31 +117,35 @@ impl VelocityChannel {
         })
     }
 
-    /// One step. `measured`: velocity error, m/s, less the known error of its measurement; `loop_errors`: known errors of
-    /// accelerometer, m/s², and gyro, rad/s, in the loop.
+    /// One step. `loop_errors`: known errors of accelerometer, m/s², and gyro, rad/s, in the loop.
     #[inline(never)]
     pub(super) fn step(
         &mut self,
         identifier: &mut Identifier,
         config: &StepConfig,
         passage: Passage,
-        measured: Option<f32>,
+        measurement: Measurement,
         loop_errors: [f32; 2],
         status: &mut Status,
     ) -> (FilterOutput<f32>, IdentificationOutput) {
         let duration_s = f64::from(passage.moved()) * f64::from(config.filter.step_s);
         self.response.pass(loop_errors, config.filter.radius_m, config.filter.gravity, duration_s);
+        let Measurement { velocity: measured, weight } = measurement;
         let measured = measured.map(|velocity| velocity - self.response.velocity());
         self.pass(identifier, config, passage, measured);
         let measured = measured.filter(|_| passage != Passage::Backwards);
 
         // Filter.
+        let variance = config.filter.velocity_noise * config.filter.velocity_noise / weight;
+        self.filter.set_measurement_variance(variance);
         let mut step = self.filter.step(measured);
         let mut filter = self.filter.output(&step);
         if let Some((coloured, _)) = &mut self.coloured {
+            coloured.set_measurement_variance(variance);
             step = coloured.step(measured);
             filter = coloured.output(&step);
         }
+        identifier.break_off_if(step.reacquired);
         status.set(Status::INNOVATION_GATED, step.gated);
         status.set(Status::VELOCITY_REACQUIRED, step.reacquired);
         status.set(Status::COVARIANCE_RESET, step.reset);
@@ -137,8 +157,12 @@ impl VelocityChannel {
             .coloured
             .as_ref()
             .map_or_else(|| ColouredChannels::from(&self.in_use), |(_, coloured)| *coloured);
-        let mut averaged =
-            averaged.unwrap_or(AveragedEstimate { estimate: filter.estimate, sigma: filter.sigma });
+        let own = AveragedEstimate {
+            estimate: filter.estimate,
+            sigma: filter.sigma,
+            source: EstimateSource::Filter,
+        };
+        let mut averaged = averaged.filter(AveragedEstimate::is_sound).unwrap_or(own);
 
         // What is known belongs to the error as a whole.
         for estimate in [&mut filter.estimate, &mut averaged.estimate] {
@@ -176,7 +200,7 @@ impl VelocityChannel {
             let velocity = measured.unwrap_or(self.filter.state().mean()[0]);
             self.filter.reacquire(velocity);
             self.coloured = None;
-            identifier.restart(&config.filter, &config.identification);
+            identifier.restart(&config.filter, &config.identification, velocity);
         }
     }
 
@@ -212,9 +236,8 @@ impl VelocityChannel {
                     });
                     *status |= Status::RETUNED;
                 }
-                let averaged =
-                    self.coloured.is_none().then(|| likelihood.averaged(filter, self.filter.state()));
-                (averaged, likelihood.status())
+                let averaged = likelihood.averaged(filter, self.filter.state());
+                (averaged.filter(|_| self.coloured.is_none()), likelihood.status())
             }
         }
     }

@@ -4,7 +4,7 @@ recordings, on numpy arrays.
 | | |
 | --- | --- |
 | `ErrorFilter` | velocity error, error of the vertical, accelerometer error and gyro drift from measured velocity errors |
-| `AdaptiveFilter` | the same as it flies: it finds out how noisy its sensors are, and retunes |
+| `AdaptiveFilter` | the same as it flies: finds out its noise and retunes; withholds a faulty radio |
 | `autocorrelation`, `fit_exponential`, `fit_exponential_cosine`, `choose_structure`, `allan_deviation` | noise of a series |
 | `identify` | noise of every sensor of a recording |
 | `GyroBlock` | five gyros: determinants, projector, sequential filter, likelihood |
@@ -66,6 +66,29 @@ class ChannelStatus(enum.IntEnum):
     """The estimate holds next to nothing of this error; its parameters were left as they were."""
 
 
+class HealthVerdict(enum.IntEnum):
+    """What the health monitor holds a radio for that is compared with an inertial velocity."""
+
+    UNOBSERVED = 0
+    """No residual for a while, or the monitor is off."""
+    NOMINAL = 1
+    """Nothing speaks against the radio."""
+    SHIFTED_MEAN = 2
+    """Its mean has shifted."""
+    GROWN_NOISE = 3
+    """Its noise has grown."""
+    SHIFTED_MEAN_AND_GROWN_NOISE = 4
+    """Both."""
+    UNDECIDED_FAULT = 5
+    """One of the two, and which is open."""
+    INERTIAL_DIVERGENCE = 6
+    """The inertial error is beyond its specified bound."""
+    OUT_OF_MODEL = 7
+    """Several residuals in a row that no mode explains."""
+    HELD_READING = 8
+    """The radio holds its last value."""
+
+
 class Verdict(enum.IntEnum):
     """What to believe of five gyros."""
 
@@ -113,6 +136,7 @@ __all__ = [
     "FilterRun",
     "FilterStep",
     "GyroBlock",
+    "HealthVerdict",
     "IsolationFlags",
     "IsolationRun",
     "MarkovNoise",
