@@ -597,6 +597,6 @@ mod tests {
         let mut walk = Walk::measure();
         module.walk(&mut walk);
         PublishedLoop::new().walk(&mut walk);
-        assert_eq!((STATE_VERSION, walk.layout.value()), (6, 197017779));
+        assert_eq!((STATE_VERSION, walk.layout.value()), (6, 3945593153));
     }
 }

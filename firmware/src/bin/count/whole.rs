@@ -2,14 +2,14 @@
 use core::hint::black_box;
 
 use schuler_core::compensation::{Block, Calibration, Factor, Quantity, Target, Term};
-use schuler_core::health::HealthConfig;
+use schuler_core::health::{HealthConfig, MemoryModel};
 use schuler_core::identification::Method;
-use schuler_core::module::{Command, FlightModule, ModuleConfig, StepInput, StepOutput};
+use schuler_core::module::{Command, FlightModule, ModuleConfig, RadioUse, StepInput, StepOutput};
 use schuler_core::reading::{Quality, Reading};
 use schuler_core::thermal::TemperatureRateConfig;
 use schuler_link::endpoint::{Endpoint, Reaction};
-use schuler_link::frame::Wire;
-use schuler_link::message::HostMessage;
+use schuler_link::frame::{Decoder, Wire};
+use schuler_link::message::{HostMessage, ModuleMessage};
 
 use crate::channel::Velocity;
 use crate::gyros::Gyros;
@@ -113,7 +113,9 @@ pub fn count(
     config.identification.first_s = FIRST_S;
     config.identification.interval_s = INTERVAL_S;
     config.thermometers = [Some(TemperatureRateConfig::of_quantum(1.0 / 16.0)); 4];
-    config.health = Some(HealthConfig::doppler_against_inertial());
+    let memory = Some(MemoryModel { repeat: 0.05, fail: 1.0 / 1800.0, recover: 1.0 / 120.0 });
+    config.health = Some(HealthConfig { memory, ..HealthConfig::doppler_against_inertial() });
+    config.radio_use = Some(RadioUse::DEFAULT);
     let mut flying = Flying {
         module,
         flight: Flight::new(true),
@@ -150,7 +152,8 @@ pub fn count(
         return;
     }
     endpoint.take_up(flying.module);
-    let host = Host { flying, endpoint, wire, sequence: 0 };
+    let mut host = Host { flying, endpoint, wire, sequence: 0 };
+    host.greet();
     meter.part("main loop: a frame with a step, its answer", STEPS, host, Host::prepare, Host::run);
 }
 
@@ -188,6 +191,20 @@ struct Host {
 }
 
 impl Host {
+    /// Begins the session in which the frames are to be sent.
+    fn greet(&mut self) {
+        let _ = self.wire.encode(self.sequence, &HostMessage::Hello);
+        let mut session = 0;
+        for byte in self.wire.as_bytes() {
+            if let Reaction::Send(frame) = self.endpoint.receive(*byte, self.flying.module, || 0) {
+                let mut decoder = Decoder::new();
+                let banner = frame.iter().find_map(|byte| decoder.push::<ModuleMessage>(*byte)?.ok());
+                session = banner.map_or(0, |banner| banner.session);
+            }
+        }
+        self.wire.seal_with(session);
+    }
+
     /// The next frame.
     fn prepare(&mut self, random: &mut Random) {
         let message = HostMessage::Step(self.flying.flight.next(random));
