@@ -305,6 +305,11 @@ impl<'d> Field<'d> {
         if list.is_empty() { self.wrong(expected) } else { Some(list) }
     }
 
+    /// An array of finite numbers, none or more.
+    pub fn any_numbers(&self) -> Option<Vec<f64>> {
+        self.items("an array of finite numbers", Field::number)
+    }
+
     /// An array of exactly `N` strings.
     pub fn texts<const N: usize>(&self) -> Option<[String; N]> {
         let expected = format!("an array of {N} strings");

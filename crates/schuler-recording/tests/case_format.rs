@@ -3,6 +3,7 @@ use std::path::Path;
 
 use schuler_recording::case::{
     Attitude, ExponentialCosine, Markov, MotionKind, Nominal, Quantity, SensorKind, Site, TemperatureBias,
+    TimeUnit,
 };
 use schuler_recording::unit::Unit;
 use schuler_recording::{Case, CaseFile, Error, Leniency};
@@ -16,6 +17,7 @@ title  = "Rate table, DTG block 3, run 17"
 path   = "recording.csv"     # relative to this file
 time   = "t"
 step_s = 1.0
+switched_on_s = [600.0, 7200.0]
 
 [site]
 latitude_deg = 55.57
@@ -186,6 +188,15 @@ fn the_loop_is_read_and_required_for_velocity_errors() {
 }
 
 #[test]
+#[test]
+fn a_part_of_a_recording_keeps_its_times_of_switching_on() {
+    let mut source = read(FULL).unwrap().case.recording;
+    assert_eq!(source.switched_on_s, Some(vec![600.0, 7200.0]));
+    source.time_unit = Some(TimeUnit::Millisecond);
+    source.keep_switching_on([600e3, 7199e3]);
+    assert_eq!(source.switched_on_s, Some(vec![600.0]));
+}
+
 fn written_cases_read_back_the_same() {
     for text in [FULL, LEAST] {
         let case: Case = read(text).unwrap().case;

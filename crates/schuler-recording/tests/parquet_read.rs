@@ -125,7 +125,8 @@ fn a_case_reads_the_same_from_csv_and_from_parquet() {
     let csv = directory.path().join("csv.toml");
     std::fs::write(&csv, case("table.csv", "gyro")).unwrap();
     let from_csv = Recording::read(&csv).unwrap();
-    assert_eq!(from_csv.len(), ROWS);
+    // The first row holds nothing but its time, as do others, which become gaps.
+    assert_eq!(from_csv.len(), ROWS - 1);
 
     let versions = [WriterVersion::PARQUET_1_0, WriterVersion::PARQUET_2_0];
     let compressions = [

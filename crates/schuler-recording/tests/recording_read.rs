@@ -127,7 +127,7 @@ fn mistakes_name_the_file_they_are_in() {
         ),
         ("0,1,2\n3,4,5\n", "r.csv:1: found numbers only; expected a header row"),
         ("", "r.csv:1: found an empty table; expected a header row"),
-        ("t,note,gyro_z,az,T,B\n", "r.csv: t: found 0 rows; expected at least two"),
+        ("t,note,gyro_z,az,T,B\n", "r.csv: t: found 0 rows with values; expected at least two"),
     ];
     for (table, expected) in tables {
         let message = read(CASE, table.as_bytes()).unwrap_err();
@@ -427,4 +427,52 @@ fn a_stream_finds_what_is_wrong_before_anything_is_made_of_it() {
     let streamed = Stream::open(CaseFile::read(&path).unwrap(), |_| Ok::<(), Error>(())).unwrap_err();
     assert_eq!(streamed, Recording::read(&path).unwrap_err());
     assert!(streamed.to_string().contains("r.csv:9002: t: row 9001: found time 5 after 8999"), "{streamed}");
+}
+
+/// The recording of a table of a gyro and its temperature under a case of 1 s steps.
+fn recorded(table: &str) -> Recording {
+    let directory = tempfile::tempdir().unwrap();
+    let case = directory.path().join("case.toml");
+    let text = "format = \"schuler-case/1\"\n[recording]\npath = \"r.csv\"\ntime = \"t\"\n\
+        [[sensor]]\nid = \"x\"\nkind = \"fog\"\ncolumn = \"x\"\nunit = \"deg/h\"\naxis = [1, 0, 0]\n\
+        [[aux]]\ncolumn = \"T\"\nquantity = \"temperature\"\nunit = \"degC\"\n";
+    std::fs::write(&case, text).unwrap();
+    std::fs::write(directory.path().join("r.csv"), table).unwrap();
+    let mut recording = Recording::read(&case).unwrap();
+    recording.case.recording.path = "r.csv".into();
+    recording
+}
+
+#[test]
+fn rows_left_out_and_rows_of_nan_are_one_recording() {
+    let lost = |row: usize| (300..340).contains(&row) || row % 7 == 3 || row >= 950;
+    let table = |nothing: Option<&str>| {
+        (0..1000).fold("t,x,T\n".to_owned(), |text, row| {
+            let values = format!("{}.5,2{}", row % 5, row % 3);
+            match nothing.filter(|_| lost(row)) {
+                Some(nothing) => text + &format!("{row}{nothing}\n"),
+                None if lost(row) => text,
+                None => text + &format!("{row},{values}\n"),
+            }
+        })
+    };
+    let left_out = recorded(&table(None));
+    // All rows are of one length, so that values can be compared as bits.
+    let bits = |recording: &Recording| {
+        let series = [&recording.sensors[0].values, &recording.auxiliaries[0].values, &recording.time_s];
+        series.map(|values| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>())
+    };
+    for nothing in [",nan,nan", ",,", ",NaN,", ",,inf"] {
+        let of_nan = recorded(&table(Some(nothing)));
+        assert_eq!(bits(&of_nan), bits(&left_out), "{nothing}");
+        assert_eq!((of_nan.step_s, &of_nan.gaps), (left_out.step_s, &left_out.gaps), "{nothing}");
+        assert_eq!(of_nan.sensors[0].quality, left_out.sensors[0].quality, "{nothing}");
+        assert_eq!(of_nan.inserted, left_out.inserted, "{nothing}");
+        // Values that were infinite are told of all the same.
+        let said: usize = of_nan.warnings.len() - left_out.warnings.len();
+        assert_eq!(said, usize::from(nothing.contains("inf")), "{:?}", of_nan.warnings);
+    }
+    // A row that says anything is a row.
+    let half = recorded(&table(Some(",nan,20")));
+    assert_eq!((half.len(), half.gaps.len()), (1000, 0));
 }

@@ -132,6 +132,9 @@ fn of_case(arguments: &Arguments, session: &Session) -> Result<Answer, Failure> 
     let mut answer = write(table, &wanted, &arguments.output.join(&name), format, arguments, session)?;
     answer.warnings.extend(file.warnings.iter().map(|warning| format!("{}: {warning}", file.path.display())));
     file.case.recording.path = name;
+    if let Some(span) = answer.span_s {
+        file.case.recording.keep_switching_on(span);
+    }
     // The simulation stays where it is.
     let simulation = file.simulation_path().map(|path| path.canonicalize().unwrap_or(path));
     if let (Some(path), Some(Simulation { table: Some(table), .. })) = (simulation, &mut file.case.simulation)

@@ -26,7 +26,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 use schuler_recording::Recording;
 use schuler_recording::case::{self, MotionKind, Quantity};
-use schuler_recording::recording::AuxiliarySeries;
+use schuler_recording::recording::{AuxiliarySeries, Gap};
 
 pub use motion::BodyMotion;
 pub use place::{Axes, Place};
@@ -43,10 +43,12 @@ use series::{bridged, map, mean, range};
 const RESTART_S: f64 = 300.0;
 /// See [`RESTART_S`].
 const RESTART_STEPS: usize = 20;
-/// A gap of so many steps may hide a switch-off that was short; the most of them, the longest, that are asked.
+/// A gap of so many steps, and longer than this, s, may hide a switch-off that was short: instruments do not start in less, and a logger
+/// that drops a few readings switches nothing off. The most of them, the longest, that are asked.
 const SHORT_RESTART_STEPS: usize = 3;
 const MOST_RESTARTS: usize = 12;
 /// Part of its usual voltage below which a supply is off.
+const SHORT_RESTART_S: f64 = 5.0;
 const OFF: f64 = 0.1;
 /// An auxiliary quantity varies if it moves by more than this many of its steps.
 const AUXILIARY_STEPS: f64 = 3.0;
@@ -207,6 +209,27 @@ fn times_off(recording: &Recording) -> Vec<Range<usize>> {
 
 /// Starts of runs, of which the record's is the first, each once.
 fn in_order(starts: impl Iterator<Item = usize>) -> Vec<usize> {
+/// First rows of the runs from switch-on to switch-off, and of those that there may be: as the case states, or guessed from supplies
+/// that are off and from gaps.
+fn run_starts(recording: &Recording) -> (Vec<usize>, Vec<usize>) {
+    if let Some(stated_s) = &recording.case.recording.switched_on_s {
+        let row_of = |stated_s: &f64| recording.time_s.partition_point(|time_s| time_s < stated_s);
+        let rows = || stated_s.iter().map(row_of).filter(|&row| row < recording.len());
+        return (in_order(rows()), in_order(rows()));
+    }
+    let off = times_off(recording);
+    let length_s = |gap: &Gap| gap.before_s - gap.after_s;
+    let end = |gap: &Gap| gap.first + gap.missing;
+    let long = |gap: &&Gap| gap.missing >= RESTART_STEPS && length_s(gap) > RESTART_S;
+    let after_long_gaps = recording.gaps.iter().filter(long).map(end);
+    let short = |gap: &&Gap| gap.missing >= SHORT_RESTART_STEPS && length_s(gap) > SHORT_RESTART_S;
+    let mut gaps: Vec<&Gap> = recording.gaps.iter().filter(short).collect();
+    gaps.sort_by_key(|gap| std::cmp::Reverse(gap.missing));
+    let longest = gaps.into_iter().take(MOST_RESTARTS).map(end);
+    let starts = in_order(after_long_gaps.chain(off.iter().map(|off| off.end)));
+    (starts, in_order(longest.chain(off.iter().map(|off| off.start))))
+}
+
     let mut starts: Vec<usize> = std::iter::once(0).chain(starts).collect();
     starts.sort_unstable();
     starts.dedup();
@@ -231,17 +254,7 @@ impl<'r> Inputs<'r> {
             .filter(|series| series.auxiliary.quantity != Quantity::Temperature)
             .flat_map_iter(|series| AuxiliaryInput::of(series, &time_s))
             .collect();
-        let off = times_off(recording);
-        let after_long_gaps = recording.gaps.iter().filter_map(|gap| {
-            let long = gap.missing >= RESTART_STEPS && gap.before_s - gap.after_s > RESTART_S;
-            long.then_some(gap.first + gap.missing)
-        });
-        let run_starts = in_order(after_long_gaps.chain(off.iter().map(|off| off.end)));
-        let mut gaps: Vec<_> =
-            recording.gaps.iter().filter(|gap| gap.missing >= SHORT_RESTART_STEPS).collect();
-        gaps.sort_by_key(|gap| std::cmp::Reverse(gap.missing));
-        let longest = gaps.into_iter().take(MOST_RESTARTS).map(|gap| gap.first + gap.missing);
-        let possible_run_starts = in_order(longest.chain(off.iter().map(|off| off.start)));
+        let (run_starts, possible_run_starts) = run_starts(recording);
         Self {
             recording,
             time_s,

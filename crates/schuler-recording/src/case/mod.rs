@@ -136,6 +136,20 @@ pub struct Source {
     pub duplicates: Option<Duplicates>,
 }
 
+    /// When the instruments were switched on within the recording, s as the time column, increasing; empty where they never
+    /// were. Without it that is guessed from supplies that are off and from gaps.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub switched_on_s: Option<Vec<f64>>,
+}
+
+impl Source {
+    /// Keeps the times of switching on that are in a part of the table, from the first to the last of its time stamps.
+    pub fn keep_switching_on(&mut self, stamps: [f64; 2]) {
+        let [first_s, last_s] = stamps.map(|stamp| stamp * self.time_unit.unwrap_or_default().in_seconds());
+        if let Some(stated_s) = &mut self.switched_on_s {
+            stated_s.retain(|time_s| (first_s..=last_s).contains(time_s));
+        }
+    }
 /// Unit of a time column.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TimeUnit {

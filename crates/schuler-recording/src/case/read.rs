@@ -178,15 +178,29 @@ fn source(node: &Node<'_>) -> Option<Source> {
     let step_s = optional(node, "step_s", positive);
     let duplicates = optional(node, "duplicates", |field| field.one_of(&Duplicates::NAMES));
     Some(Source {
+    let switched_on_s = optional(node, "switched_on_s", increasing);
         path: path?.into(),
         time: time?,
         time_unit: time_unit?,
         step_s: step_s?,
         duplicates: duplicates?,
     })
+        switched_on_s: switched_on_s?,
 }
 
 fn site(node: &Node<'_>) -> Option<Site> {
+/// Times, each later than the one before; none is a statement, too.
+fn increasing(field: &Field<'_>) -> Option<Vec<f64>> {
+    let times_s = field.any_numbers()?;
+    match times_s.windows(2).find(|pair| pair[1] <= pair[0]) {
+        Some(pair) => {
+            let found = format!("found {} after {}", pair[1], pair[0]);
+            field.problem(format!("{found}; expected times in seconds, each later than the one before"))
+        }
+        None => Some(times_s),
+    }
+}
+
     let latitude = "degrees, -90 to 90";
     let latitude_deg = node
         .required("latitude_deg", latitude)

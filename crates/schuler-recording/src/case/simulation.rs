@@ -64,7 +64,7 @@ pub(super) fn simulation(node: &Node<'_>) -> Option<Simulation> {
             time,
             time_unit: time_unit?,
             step_s: step_s?,
-            duplicates: None,
+            ..Source::default()
         }),
         (Some(_), None) => {
             return node.problem_at("time", "missing; expected the name of the time column of its table");

@@ -181,7 +181,7 @@ impl Survey {
     fn settle(&mut self) -> Result<(), Problem> {
         let stamps_s = std::mem::take(&mut self.stamps_s);
         if stamps_s.len() < 2 {
-            return Err(self.problem(format!("found {} rows; expected at least two", self.rows)));
+            return Err(self.problem(format!("found {} rows with values; expected at least two", self.rows)));
         }
         let clock = match Clock::of(&stamps_s, &self.column, self.nominal_s) {
             Ok(clock) => clock,

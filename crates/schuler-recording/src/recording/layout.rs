@@ -204,6 +204,24 @@ fn scaled(values: Vec<f64>, factor: f64) -> Vec<f64> {
     values.into_iter().map(|value| value * factor).collect()
 }
 
+/// Whether the times that the case states for switching on are those of a table with these times.
+///
+/// # Errors
+/// The first that is not.
+pub(super) fn switched_on_within(file: &CaseFile, time_s: &[f64]) -> Result<(), Error> {
+    let stated = file.case.recording.switched_on_s.as_deref().unwrap_or_default();
+    let (Some(&first), Some(&last)) = (time_s.first(), time_s.last()) else { return Ok(()) };
+    let Some((index, stated_s)) =
+        (stated.iter().enumerate()).find(|(_, time)| !(first..=last).contains(*time))
+    else {
+        return Ok(());
+    };
+    let message = format!("found {stated_s}; expected a time of the table, {first} to {last} s");
+    let path = "recording.switched_on_s";
+    let line = file.lines.get(path);
+    Err(Error::one(&file.path, Problem::new(line, format!("{path}[{index}]"), message)))
+}
+
 /// The auxiliary quantities with the path of each in the case: those that the case lists, and the temperatures that
 /// nominal models depend on without being listed.
 fn all_auxiliaries(case: &Case) -> Vec<(Auxiliary, String)> {

@@ -1,6 +1,7 @@
 //! A case and its table together: arrays in SI units on the nominal step grid, with gaps and missing values marked.
 //!
-//! A value that is missing (an empty cell, `nan`, an infinite number, a row in a gap) is NaN.
+//! A value that is missing (an empty cell, `nan`, an infinite number, a row in a gap) is NaN. A row that holds nothing but its time
+//! is a row in a gap.
 //! [`Recording`] holds all of it; [`Stream`] goes through a table of any length and gives recordings of a few thousand
 //! rows.
 mod clock;
@@ -83,11 +84,11 @@ pub struct AuxiliarySeries {
 pub struct Quality {
     /// Rows with a value.
     pub present: usize,
-    /// Rows of the table without one; infinite values count here.
+    /// Rows of the table without one that hold another value; infinite values count here.
     pub missing: usize,
-    /// Of these, rows with an infinite value.
+    /// Rows of the table with an infinite value, those without any other value among them.
     pub infinite: usize,
-    /// Rows put in for missing steps.
+    /// Rows put in for missing steps; a row of the table that holds nothing but its time is one of them.
     pub in_gaps: usize,
 }
 
@@ -153,6 +154,7 @@ impl Recording {
             Grid::new(&file.case.recording.time, recorded_s, &columns.lines, file.case.recording.step_s)
                 .map_err(|problem| time_error(&file, problem))?;
         // Rows are put in only if the user has the memory for them.
+        layout::switched_on_within(&file, &grid.time_s)?;
         watch(grid.time_s.len(), layout.indices.len())?;
         let mut warnings = file_warnings(&file);
         warnings.append(&mut columns.warnings);

@@ -193,10 +193,32 @@ impl Iterator for Timed {
             }
             None => return self.end(),
         };
+        leave_out_empty(&mut columns, self.time);
         self.in_seconds(&mut columns);
         let Some(duplicates) = self.duplicates else { return Some(Ok(columns)) };
         Some(Ok(self.remedied(&columns, duplicates)))
     }
+}
+
+/// Leaves out rows that have a time and nothing else: they say as much as rows that are not there, and are to give the same answer.
+fn leave_out_empty(columns: &mut Columns, time: usize) {
+    if columns.values.len() < 2 {
+        return;
+    }
+    let says = |row: usize| {
+        let others = columns.values.iter().enumerate().filter(|&(place, _)| place != time);
+        others.into_iter().any(|(_, values)| values.get(row).is_some_and(|value| !value.is_nan()))
+    };
+    let kept: Vec<bool> = (0..columns.rows()).map(says).collect();
+    if kept.iter().all(|kept| *kept) {
+        return;
+    }
+    for values in &mut columns.values {
+        let mut kept = kept.iter();
+        values.retain(|_| kept.next() == Some(&true));
+    }
+    let mut kept = kept.iter();
+    columns.lines.retain(|_| kept.next() == Some(&true));
 }
 
 fn push(columns: &mut Columns, values: impl Iterator<Item = f64>, line: u64) {
