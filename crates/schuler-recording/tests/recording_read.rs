@@ -368,6 +368,53 @@ fn rows_that_come_twice_or_late_have_a_stated_remedy() {
     assert!(error.starts_with("r.csv:502: t: found 499 of 1000 rows earlier"), "{error}");
 }
 
+#[test]
+fn sensors_with_the_same_readings_are_told_first() {
+    let case = ["a", "b", "c", "d"].iter().fold(
+        "format = \"schuler-case/1\"\n[recording]\npath = \"r.csv\"\ntime = \"t\"\n".to_owned(),
+        |text, id| {
+            text + &format!(
+                "[[sensor]]\nid = \"{id}\"\nkind = \"fog\"\ncolumn = \"{id}\"\nunit = \"deg/h\"\naxis = [1, 0, 0]\n"
+            )
+        },
+    );
+    let table = |differs: &str| {
+        (0..100).fold("t,a,b,c,d\n".to_owned(), |text, row| {
+            let (one, missing) = (row * row % 17, if row == 50 { "nan" } else { differs });
+            let other = if row == 99 { missing.to_owned() } else { one.to_string() };
+            text + &format!("{row},{one},{},{one},{other}\n", row * 3 % 7)
+        })
+    };
+    let warned = |table: &str| read(&case, table.as_bytes()).unwrap().warnings;
+    let told = warned(&table("0.5"));
+    assert!(told[0].contains("r.csv: a and c have the same readings, bit for bit"), "{told:?}");
+    let told = warned(&table("nan"));
+    assert!(told[0].contains("r.csv: a, c and d have the same readings"), "{told:?}");
+    // Constants say nothing.
+    let still = (0..100).fold("t,a,b,c,d\n".to_owned(), |text, row| text + &format!("{row},1,1,1,1\n"));
+    assert!(warned(&still).is_empty());
+}
+
+#[test]
+fn times_of_switching_on_are_those_of_the_table() {
+    let table = numbered((0..200).map(|row| row.to_string()));
+    let stated = |text: &str| read(&gyro_case(&format!("switched_on_s = {text}")), table.as_bytes());
+    for (text, expected) in [("[]", vec![]), ("[50, 120.5]", vec![50.0, 120.5])] {
+        assert_eq!(stated(text).unwrap().case.recording.switched_on_s, Some(expected));
+    }
+    let wrong = [
+        ("[50, 200]", "recording.switched_on_s[1]: found 200; expected a time of the table, 0 to 199 s"),
+        ("[-1]", "recording.switched_on_s[0]: found -1; expected a time of the table, 0 to 199 s"),
+        ("[50, 50]", "recording.switched_on_s: found 50 after 50; expected times in seconds, each later"),
+        ("[nan]", "recording.switched_on_s[0]: found nan; expected a finite number"),
+        ("50", "recording.switched_on_s: found 50; expected an array of finite numbers"),
+    ];
+    for (text, expected) in wrong {
+        let error = stated(text).unwrap_err();
+        assert!(error.starts_with("case.toml:") && error.contains(expected), "{error}");
+    }
+}
+
 /// Every row of a stream is that of the recording read whole: gaps within a chunk, from one into the next and longer than one,
 /// missing and infinite values, with the nominal step given and not.
 #[test]

@@ -97,6 +97,11 @@ impl Layout {
         })
     }
 
+    /// Place of the column of a sensor.
+    pub(super) fn sensor(&self, index: usize) -> Option<usize> {
+        self.sensors.get(index).copied()
+    }
+
     /// How complete each column is, by place, before rows are put in.
     pub(super) fn quality(&self, columns: &Columns) -> Vec<Quality> {
         let of = |place: usize| {

@@ -4,6 +4,7 @@
 //! is a row in a gap.
 //! [`Recording`] holds all of it; [`Stream`] goes through a table of any length and gives recordings of a few thousand
 //! rows.
+mod alike;
 mod clock;
 mod even;
 mod grid;
@@ -156,7 +157,8 @@ impl Recording {
         // Rows are put in only if the user has the memory for them.
         layout::switched_on_within(&file, &grid.time_s)?;
         watch(grid.time_s.len(), layout.indices.len())?;
-        let mut warnings = file_warnings(&file);
+        let mut warnings = alike::said(&file.case, &layout, &columns, &file.table_path());
+        warnings.extend(file_warnings(&file));
         warnings.append(&mut columns.warnings);
         warnings.extend(layout.infinite_warnings(&file, &columns.infinite));
         warnings.extend(time_note(&file, grid.note.take()));
