@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use parquet::basic::{BrotliLevel, Compression, GzipLevel, ZstdLevel};
 use parquet::data_type::{BoolType, ByteArray, ByteArrayType, DoubleType, FloatType, Int64Type};
+use parquet::file::metadata::ParquetMetaDataReader;
 use parquet::file::properties::{WriterProperties, WriterVersion};
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
@@ -188,6 +189,32 @@ fn a_damaged_file_is_an_error_wherever_the_damage_is() {
         std::fs::write(&damaged, &flipped).unwrap();
         if let Ok(table) = table::open(&damaged) {
             let _ = table.read(&[0, 1, 2, 3]);
+        }
+    }
+}
+
+#[test]
+fn wide_tables_are_stored_as_they_are_in_few_groups() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("wide.parquet");
+    let value =
+        |row: usize, column: usize| if row == 7 { f64::NAN } else { (row * 31 + column) as f64 / 7.0 };
+    for (columns, rows, groups, stored) in [(100, 40, 1, false), (9_000, 70, 2, true), (35_000, 32, 2, true)]
+    {
+        let names: Vec<String> = (0..columns).map(|column| format!("c{column}")).collect();
+        let values: Vec<Vec<f64>> =
+            (0..columns).map(|column| (0..rows).map(|row| value(row, column)).collect()).collect();
+        let table: Vec<(&str, &[f64])> =
+            names.iter().zip(&values).map(|(name, values)| (name.as_str(), values.as_slice())).collect();
+        table::write(&path, &table).unwrap();
+        let contents = ParquetMetaDataReader::new().parse_and_finish(&File::open(&path).unwrap()).unwrap();
+        assert_eq!(contents.num_row_groups(), groups, "{columns} columns");
+        let compression = contents.row_group(0).column(columns / 2).compression();
+        assert_eq!(compression == Compression::UNCOMPRESSED, stored, "{columns} columns: {compression}");
+        let read = table::open(&path).unwrap().read(&[0, columns - 1]).unwrap();
+        let bits = |values: &[f64]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+        for (found, column) in read.values.iter().zip([0, columns - 1]) {
+            assert_eq!(bits(found), bits(&values[column]), "{columns} columns");
         }
     }
 }
