@@ -112,6 +112,16 @@ impl fmt::Display for Error {
     }
 }
 
+/// A number as messages tell it: rounded to six significant digits, without the noise of the last bits.
+///
+/// ```
+/// assert_eq!(schuler_recording::error::rounded(0.004000000000000036), 0.004);
+/// assert_eq!(schuler_recording::error::rounded(66.0), 66.0);
+/// ```
+pub fn rounded(value: f64) -> f64 {
+    format!("{value:.5e}").parse().unwrap_or(value)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

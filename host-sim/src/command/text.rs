@@ -1,6 +1,8 @@
 //! Results in plain words.
 use std::fmt::Write;
 
+use schuler_recording::error::rounded;
+
 use super::fly::Answer;
 use crate::flight::Summary;
 use crate::flight::summary::{
@@ -47,7 +49,7 @@ pub(super) fn put(text: &mut String, line: std::fmt::Arguments<'_>) {
 }
 
 fn channel(text: &mut String, summary: &Summary) {
-    put(text, format_args!("{}: {} steps of {} s", summary.channel, summary.steps, summary.step_s));
+    put(text, format_args!("{}: {} steps of {} s", summary.channel, summary.steps, rounded(summary.step_s)));
     if let Some(it) = &summary.filter {
         measurements(text, it);
         consistency(text, "", it);

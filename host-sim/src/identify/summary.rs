@@ -1,6 +1,8 @@
 //! The identification as text, in the units of the case and of the field.
 use std::fmt::{self, Write};
 
+use schuler_recording::error::rounded;
+
 use super::report::{Estimate, Identification, ModelReport, Quoted, SensorIdentification};
 
 /// A fit that noise of its own kind beats this often or more is taken for good.
@@ -10,7 +12,7 @@ impl fmt::Display for Identification {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { title, rows, rows_in_gaps, step_s, .. } = self;
         writeln!(f, "{title}")?;
-        writeln!(f, "{rows} steps of {step_s} s, {rows_in_gaps} of them in gaps")?;
+        writeln!(f, "{rows} steps of {} s, {rows_in_gaps} of them in gaps", rounded(*step_s))?;
         for warning in &self.warnings {
             writeln!(f, "warning: {warning}")?;
         }

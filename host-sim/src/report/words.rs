@@ -6,6 +6,7 @@ use schuler_explain::explanation::{
     BeforeAfter, Finding, Located, NoiseShift, Parameter, Remainder, Rival, Verdict,
 };
 use schuler_explain::sentence::{of_stated, quoted as quoted_parameters, said};
+use schuler_recording::error::rounded;
 
 use super::Report;
 use super::number::{duration, plain, printed_unit, probability, quoted};
@@ -284,7 +285,7 @@ pub(super) fn text(report: &Report) -> String {
             "{} of {} at {} s, {} rows of them in gaps; sensors: {}",
             duration(recorded.length_s),
             recorded.case,
-            recorded.step_s,
+            rounded(recorded.step_s),
             recorded.rows_in_gaps,
             recorded.sensors.join(", ")
         ),

@@ -12,6 +12,7 @@
 //! | neither | the interval that fits best | the stamps |
 use super::even::EvenClock;
 use super::grid::missing;
+use crate::error::rounded;
 
 /// An interval further than this part of a step from whole steps is irregular.
 const FAR_FROM_WHOLE: f64 = 0.3;
@@ -177,8 +178,9 @@ impl Clock {
         let step_s = if median_s > 0.0 { median_s } else { best.map_or(0.0, |fit| fit.mean_s) };
         let note = best.map(|fit| {
             format!(
-                "{column}: {:.0} % of the intervals are not near whole steps of {step_s} s, and no even clock describes them",
-                100.0 * fit.irregular
+                "{column}: {:.0} % of the intervals are not near whole steps of {} s, and no even clock describes them",
+                100.0 * fit.irregular,
+                rounded(step_s)
             )
         });
         (Self { step_s, even: None, note }, false)
@@ -195,12 +197,13 @@ impl Fit {
             ));
         }
         (deviation_s > UNEVEN * step_s).then(|| {
-            format!("{column}: the intervals scatter by {deviation_s:.2e} s (1 σ); the step of {step_s} s is their mean")
+            format!("{column}: the intervals scatter by {deviation_s:.2e} s (1 σ); the step of {} s is their mean", rounded(step_s))
         })
     }
 }
 
 fn contradiction(found_s: f64, expected_s: f64, rows: usize, span_s: f64) -> String {
+    let [expected_s, span_s] = [expected_s, span_s].map(rounded);
     format!("found {found_s}; expected about {expected_s}: {rows} rows of the table span {span_s} s")
 }
 

@@ -7,6 +7,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use super::clock::median;
+use crate::error::rounded;
 
 /// Fewer rows than this show no clock.
 const LEAST_ROWS: usize = 64;
@@ -155,8 +156,9 @@ impl EvenClock {
         let bursts = if burst > 2 { format!("come in bursts of about {burst}, ") } else { String::new() };
         format!(
             "{column}: the stamps {bursts}scatter by {:.2e} s about an even clock; the {rows} rows are taken as sampled evenly \
-             every {step_s} s",
-            self.scatter_s()
+             every {} s",
+            self.scatter_s(),
+            rounded(step_s)
         )
     }
 }

@@ -6,7 +6,7 @@
 //! equally spaced from neighbour to neighbour, so that index differences count steps on both sides of every gap.
 use super::clock::Clock;
 use super::even::{EvenWalk, Lost, LostRows};
-use crate::error::Problem;
+use crate::error::{Problem, rounded};
 
 /// Neighbours further apart than this many nominal steps have a gap between them.
 pub const GAP_STEPS: f64 = 1.5;
@@ -145,7 +145,8 @@ impl Survey {
         let allowed = MOST_INSERTED.max(MOST_INSERTED_PER_ROW * self.rows as f64);
         if missing > allowed {
             let (row, line, jump_s) = self.longest;
-            let found = format!("row {row}: found a jump of {jump_s} s, {:.0} steps", jump_s / step_s);
+            let found =
+                format!("row {row}: found a jump of {} s, {:.0} steps", rounded(jump_s), jump_s / step_s);
             let message = format!(
                 "{found}; expected a gap that can be filled: split the table, or state its recording.step_s"
             );

@@ -2,7 +2,7 @@
 use std::path::PathBuf;
 
 use crate::case::{CaseFile, Duplicates, TimeUnit};
-use crate::error::{Error, Problem};
+use crate::error::{Error, Problem, rounded};
 use crate::table::{Chunks, Columns};
 
 /// Seconds since 1970 from 1990 to 2100: stamps of today in whatever unit they are.
@@ -268,7 +268,7 @@ fn guessed(column: &str, stamps: &[f64]) -> (TimeUnit, Option<String>) {
     if step >= NOT_SECONDS_FROM && !of_hours {
         let of_sensors = |unit: &TimeUnit| STEPS_S.contains(&(step * unit.in_seconds()));
         if let Some(unit) = smaller().find(of_sensors) {
-            let step_s = step * unit.in_seconds();
+            let step_s = rounded(step * unit.in_seconds());
             return told(unit, format!("{unit}: whole numbers {step} apart are steps of {step_s} s"));
         }
     }
