@@ -831,6 +831,7 @@ fn sensors(scenario: &Scenario) -> Vec<Sensor> {
                 spin_axis: Some(z.into()),
                 quantisation: rounding(&readout.conversion, entry.unit.in_si()),
                 relative: entry.relative,
+                grade: None,
                 nominal: entry.nominal.clone(),
             });
         }
@@ -848,6 +849,7 @@ fn sensors(scenario: &Scenario) -> Vec<Sensor> {
             spin_axis: None,
             quantisation: rounding(&entry.design.readout.conversion, entry.unit.in_si()),
             relative: entry.relative,
+            grade: None,
             nominal: entry.nominal.clone(),
         });
     }
@@ -864,6 +866,7 @@ fn sensors(scenario: &Scenario) -> Vec<Sensor> {
             spin_axis: None,
             quantisation: rounding(&entry.design.readout.conversion, entry.unit.in_si()),
             relative: entry.relative,
+            grade: None,
             nominal: entry.nominal.clone(),
         });
     }
@@ -880,6 +883,7 @@ fn sensors(scenario: &Scenario) -> Vec<Sensor> {
             spin_axis: None,
             quantisation: rounding(&entry.design.readout.conversion, 1.0),
             relative: false,
+            grade: None,
             nominal: entry.nominal.clone(),
         });
     }
@@ -896,6 +900,7 @@ fn sensors(scenario: &Scenario) -> Vec<Sensor> {
             spin_axis: None,
             quantisation: 0.0,
             relative: false,
+            grade: None,
             nominal: Nominal { white: entry.nominal.velocity_white, ..Nominal::default() },
         });
     }

@@ -103,6 +103,16 @@ pub struct Parameter {
     pub stated: Option<f64>,
 }
 
+/// Standard deviations within which a value may be another.
+const MAY_BE: f64 = 2.0;
+
+/// Whether a value that is known within `sigma` may be of a magnitude in `range`; what may be zero always is.
+pub(crate) fn is_plausible(value: f64, sigma: f64, [least, most]: [f64; 2]) -> bool {
+    let magnitude = value.abs();
+    let [low, high] = [magnitude - MAY_BE * sigma, magnitude + MAY_BE * sigma];
+    low <= 0.0 || (low <= most && high >= least)
+}
+
 impl Serialize for Parameter {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let keys = 4 + usize::from(self.plausible.is_some()) + usize::from(self.stated.is_some());
@@ -243,7 +253,7 @@ pub struct Remainder {
 
 #[cfg(test)]
 mod tests {
-    use super::{Evidence, Finding, Parameter};
+    use super::{Evidence, Finding, Parameter, is_plausible};
 
     fn number(value: f64, stated: Option<f64>) -> Parameter {
         Parameter {
@@ -252,6 +262,23 @@ mod tests {
             unit: Some("K".to_owned()),
             stated,
             ..Parameter::default()
+        }
+    }
+
+    #[test]
+    fn what_may_be_zero_or_in_the_range_is_plausible() {
+        let range = [0.01, 1.0];
+        for (value, sigma, expected) in [
+            (0.0004, 0.0011, true),
+            (-0.0004, 0.0001, false),
+            (0.5, 0.01, true),
+            (-0.5, 0.01, true),
+            (3.0, 0.1, false),
+            (-3.0, 2.0, true),
+            (1.1, 0.06, true),
+            (0.009, 0.001, true),
+        ] {
+            assert_eq!(is_plausible(value, sigma, range), expected, "{value} ± {sigma}");
         }
     }
 

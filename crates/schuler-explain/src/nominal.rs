@@ -167,6 +167,7 @@ impl Model {
         if model.blocks.is_empty() {
             return Err(format!("nothing to compare with the simulation: {}", model.notes.join("; ")));
         }
+        model.notes.extend(crate::inputs::grade::said(recording));
         for block in &model.blocks {
             for &sensor in &block.sensors {
                 if recording.sensors[sensor].sensor.relative {

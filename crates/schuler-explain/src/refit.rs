@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use crate::catalogue::{Candidate, NoiseChange, OnsetShape, Search};
 use crate::description::{Term, nonlinear_names};
-use crate::explanation::Parameter;
+use crate::explanation::{Parameter, is_plausible};
 use crate::jump::mean_stays;
 use crate::noise::{Knob, Noise, RowsOfLevel, VarianceStep};
 use crate::noise_fit::{Observations, SourceKnob, curvature, exact, logs_of, with_logs};
@@ -115,12 +115,13 @@ pub fn of_term(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter> {
     let mut parameters = Vec::new();
     for (index, amplitude) in candidate.amplitudes.iter().enumerate().take(number) {
         let value = amplitudes[index] * amplitude.in_unit;
+        let sigma = covariance[(index, index)].max(0.0).sqrt() * amplitude.in_unit.abs();
         parameters.push(Parameter {
             name: amplitude.name.clone(),
             value: Some(value),
-            sigma: Some(covariance[(index, index)].max(0.0).sqrt() * amplitude.in_unit.abs()),
+            sigma: Some(sigma),
             unit: Some(amplitude.unit.clone()),
-            plausible: amplitude.plausible.map(|[low, high]| value.abs() >= low && value.abs() <= high),
+            plausible: amplitude.plausible.map(|range| is_plausible(value, sigma, range)),
             ..Parameter::default()
         });
     }

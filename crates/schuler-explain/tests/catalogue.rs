@@ -6,8 +6,8 @@ use nalgebra::{Rotation3, Vector3};
 use schuler_explain::catalogue::{CATALOGUE, Candidate, OnsetShape, Port, Search, Signature, Target};
 use schuler_explain::inputs::Inputs;
 use schuler_recording::case::{
-    Attitude, Auxiliary, Case, Motion, MotionKind, Nominal, Quantity, SchulerLoop, Sensor, SensorKind, Site,
-    Source, TemperatureBias,
+    Attitude, Auxiliary, Case, Grade, Motion, MotionKind, Nominal, Quantity, SchulerLoop, Sensor, SensorKind,
+    Site, Source, TemperatureBias,
 };
 use schuler_recording::motion::{body_to_ned, earth};
 use schuler_recording::recording::{AuxiliarySeries, Gap, MotionSeries, Quality, SensorSeries};
@@ -162,6 +162,7 @@ impl Scene {
             spin_axis: (kind == SensorKind::Dtg).then_some([0.0, 0.0, 1.0]),
             quantisation: 0.0,
             relative: false,
+            grade: None,
             nominal: Nominal { white: 1.0, ..Nominal::default() },
         };
         self.0.case.sensors.push(sensor.clone());
@@ -774,6 +775,94 @@ fn runs_after_switch_on_have_their_own_constants_and_warm_up_again() {
     assert_eq!(inputs.possible_run_starts, [0, 500, 1010, 2000]);
     let scene = Scene(Recording { auxiliaries: scene.0.auxiliaries[1..].to_vec(), ..scene.0.clone() });
     assert_eq!(Inputs::new(&scene.0).possible_run_starts, [0, 1010]);
+}
+
+#[test]
+fn a_run_begins_where_it_is_stated_and_not_behind_a_dropout() {
+    let scene = || {
+        let of = Scene::new(MotionKind::Static, 3000, 0.005);
+        of.sensor("g", SensorKind::MemsGyro, Unit::RadianPerSecond, [1.0, 0.0, 0.0])
+    };
+    let mut dropped = scene();
+    // 12 to 65 ms, as a logger drops that waits for its card; and 6 s.
+    for (first, missing) in [(100, 3), (400, 5), (900, 13)] {
+        let after_s = (first - 1) as f64 * 0.005;
+        let before_s = (first + missing) as f64 * 0.005;
+        dropped.0.gaps.push(Gap { first, missing, after_s, before_s });
+    }
+    let none = Inputs::new(&dropped.0);
+    assert_eq!((none.run_starts.as_slice(), none.possible_run_starts.as_slice()), (&[0][..], &[0][..]));
+    assert!(candidates(&none, "bias_restart").is_empty());
+    drop(none);
+    dropped.0.gaps.push(Gap { first: 1200, missing: 1200, after_s: 5.995, before_s: 12.0 });
+    assert_eq!(Inputs::new(&dropped.0).possible_run_starts, [0, 2400]);
+    // What is stated takes the place of all guesses, and none is a statement.
+    dropped.0.case.recording.switched_on_s = Some(vec![2.5, 7.501]);
+    let stated = Inputs::new(&dropped.0);
+    assert_eq!(stated.run_starts, [0, 500, 1501]);
+    assert_eq!(stated.possible_run_starts, stated.run_starts);
+    drop(stated);
+    dropped.0.case.recording.switched_on_s = Some(Vec::new());
+    assert_eq!(Inputs::new(&dropped.0).possible_run_starts, [0]);
+}
+
+#[test]
+fn a_grade_is_stated_or_guessed_from_kind_and_noise_and_said() {
+    // Standard deviations of a sample at 100 Hz, in °/s and mg.
+    let gyro = |kind, white| {
+        let mut scene = Scene::new(MotionKind::Unknown, 400, 0.01).sensor(
+            "g",
+            kind,
+            Unit::DegreePerSecond,
+            [1.0, 0.0, 0.0],
+        );
+        scene.0.sensors[0].sensor.nominal.white = f64::to_radians(white);
+        scene
+    };
+    let graded = |scene: &Scene| Inputs::new(&scene.0).places[0].grade;
+    for (kind, white, grade) in [
+        (SensorKind::Rlg, 4e-4, Grade::Navigation),
+        (SensorKind::Fog, 4e-4, Grade::Navigation),
+        (SensorKind::Fog, 0.01, Grade::Tactical),
+        (SensorKind::Fog, 1.0, Grade::Tactical),
+        (SensorKind::MemsGyro, 1e-4, Grade::Tactical),
+        (SensorKind::MemsGyro, 0.025, Grade::Tactical),
+        (SensorKind::MemsGyro, 0.05, Grade::Mems),
+    ] {
+        assert_eq!(graded(&gyro(kind, white)), Some(grade), "{kind} of {white} °/s");
+    }
+    // Where no noise is stated, that of the readings: N of 0.005 °/√h in a ramp, whatever its slope.
+    let mut unstated = gyro(SensorKind::Fog, 0.0);
+    let scattered = |row: i32| f64::from(row * row * 31 % 997) / 997.0 - 0.5;
+    let readings = (0..400).map(|row| f64::from(row) * 1e-3 + 5e-5 * scattered(row));
+    unstated.0.sensors[0].values = readings.collect();
+    assert_eq!(graded(&unstated), Some(Grade::Navigation));
+    // An accelerometer is of the grade of the gyros it is built in with, whatever it reads; alone of that of its noise.
+    let beside = gyro(SensorKind::MemsGyro, 0.05).sensor(
+        "a",
+        SensorKind::Accelerometer,
+        Unit::MilliG,
+        [1.0, 0.0, 0.0],
+    );
+    assert_eq!(Inputs::new(&beside.0).places[1].grade, Some(Grade::Mems));
+    let said = schuler_explain::inputs::grade::said(&beside.0).unwrap();
+    assert!(said.contains("guessed from kind and noise: mems (g, a);"), "{said}");
+    for (white, grade) in [(0.1, Grade::Navigation), (1.0, Grade::Tactical), (10.0, Grade::Mems)] {
+        let mut alone = Scene::new(MotionKind::Unknown, 400, 0.01).sensor(
+            "a",
+            SensorKind::Accelerometer,
+            Unit::MilliG,
+            [1.0, 0.0, 0.0],
+        );
+        alone.0.sensors[0].sensor.nominal.white = white * Unit::MilliG.in_si();
+        assert_eq!(graded(&alone), Some(grade), "{white} mg");
+    }
+    // What is stated holds, and nothing is said of it.
+    let mut stated = gyro(SensorKind::MemsGyro, 0.05);
+    stated.0.sensors[0].sensor.grade = Some(Grade::Navigation);
+    assert_eq!(graded(&stated), Some(Grade::Navigation));
+    assert!(!Inputs::new(&stated.0).places[0].micromechanical);
+    assert_eq!(schuler_explain::inputs::grade::said(&stated.0), None);
 }
 
 #[test]

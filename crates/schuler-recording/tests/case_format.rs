@@ -41,6 +41,7 @@ group  = "block_3"
 spin_axis = [0.0, 0.0, 1.0]
 quantisation = 0.25
 relative = true
+grade = "navigation"
 
   [sensor.nominal]
   bias = 0.35
@@ -188,7 +189,6 @@ fn the_loop_is_read_and_required_for_velocity_errors() {
 }
 
 #[test]
-#[test]
 fn a_part_of_a_recording_keeps_its_times_of_switching_on() {
     let mut source = read(FULL).unwrap().case.recording;
     assert_eq!(source.switched_on_s, Some(vec![600.0, 7200.0]));
@@ -197,6 +197,7 @@ fn a_part_of_a_recording_keeps_its_times_of_switching_on() {
     assert_eq!(source.switched_on_s, Some(vec![600.0]));
 }
 
+#[test]
 fn written_cases_read_back_the_same() {
     for text in [FULL, LEAST] {
         let case: Case = read(text).unwrap().case;
@@ -249,6 +250,11 @@ fn mistakes_are_named_by_line_field_and_expectation() {
             "relative = true",
             "relative = \"yes\"",
             "sensor[0].relative: found \"yes\"; expected true or false",
+        ),
+        (
+            "grade = \"navigation\"",
+            "grade = \"tactial\"",
+            "sensor[0].grade: found \"tactial\"; expected one of navigation, tactical, mems; did you mean \"tactical\"?",
         ),
         ("title  = \"Rate", "title = Rate", "not TOML"),
     ];

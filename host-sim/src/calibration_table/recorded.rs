@@ -154,6 +154,7 @@ impl CalibrationScenario {
                 spin_axis: None,
                 quantisation: 0.0,
                 relative: false,
+                grade: None,
                 nominal: Nominal { white: white / unit.in_si(), ..Nominal::default() },
             }
         };

@@ -3,6 +3,7 @@
 //! | module | gives |
 //! | --- | --- |
 //! | [`series`] | shared series, and what is done to them: bridging, lag, delay, derivative, play |
+//! | [`grade`] | how good each sensor is |
 //! | [`held`] | a reference that is held between its readings |
 //! | [`smoother`] | a quantity and its rate from noisy measurements |
 //! | [`thermometer`] | temperature and its rate from quantised readings |
@@ -11,6 +12,7 @@
 //! | [`place`] | where an effect can act, with axes and true input |
 //!
 //! SI units and radians; temperature in °C, its rate in K/s.
+pub mod grade;
 pub mod held;
 pub mod motion;
 pub mod place;
@@ -46,9 +48,9 @@ const RESTART_STEPS: usize = 20;
 /// A gap of so many steps, and longer than this, s, may hide a switch-off that was short: instruments do not start in less, and a logger
 /// that drops a few readings switches nothing off. The most of them, the longest, that are asked.
 const SHORT_RESTART_STEPS: usize = 3;
+const SHORT_RESTART_S: f64 = 5.0;
 const MOST_RESTARTS: usize = 12;
 /// Part of its usual voltage below which a supply is off.
-const SHORT_RESTART_S: f64 = 5.0;
 const OFF: f64 = 0.1;
 /// An auxiliary quantity varies if it moves by more than this many of its steps.
 const AUXILIARY_STEPS: f64 = 3.0;
@@ -207,8 +209,6 @@ fn times_off(recording: &Recording) -> Vec<Range<usize>> {
     supplies.flat_map(of_supply).collect()
 }
 
-/// Starts of runs, of which the record's is the first, each once.
-fn in_order(starts: impl Iterator<Item = usize>) -> Vec<usize> {
 /// First rows of the runs from switch-on to switch-off, and of those that there may be: as the case states, or guessed from supplies
 /// that are off and from gaps.
 fn run_starts(recording: &Recording) -> (Vec<usize>, Vec<usize>) {
@@ -230,6 +230,8 @@ fn run_starts(recording: &Recording) -> (Vec<usize>, Vec<usize>) {
     (starts, in_order(longest.chain(off.iter().map(|off| off.start))))
 }
 
+/// Starts of runs, of which the record's is the first, each once.
+fn in_order(starts: impl Iterator<Item = usize>) -> Vec<usize> {
     let mut starts: Vec<usize> = std::iter::once(0).chain(starts).collect();
     starts.sort_unstable();
     starts.dedup();

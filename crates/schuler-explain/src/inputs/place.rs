@@ -1,9 +1,10 @@
 //! The places at which an effect can act: the sensors of a recording, or the parts of a Schuler loop.
 use nalgebra::Vector3;
 use schuler_recording::Recording;
-use schuler_recording::case::{MotionKind, SensorKind};
+use schuler_recording::case::{Grade, MotionKind, SensorKind};
 use schuler_recording::unit::{Dimension, Unit};
 
+use super::grade::grades;
 use super::motion::{BodyMotion, along};
 use super::redundant::axis_of;
 use super::series::{Series, bridged};
@@ -29,6 +30,8 @@ pub struct Place {
     pub group: Option<String>,
     /// Whether it is read against an unknown constant.
     pub relative: bool,
+    /// How good it is, as its case states or as its kind and its noise let guess; none of velocities and of sensors of other kinds.
+    pub grade: Option<Grade>,
     /// Whether its errors are those of micromechanical sensors.
     pub micromechanical: bool,
     /// Its axes in body axes.
@@ -94,7 +97,7 @@ pub fn places(recording: &Recording, motion: &BodyMotion, time_s: &[f64]) -> Vec
         && !(recording.sensors.iter())
             .any(|series| matches!(series.sensor.kind, SensorKind::Dtg | SensorKind::Fog | SensorKind::Rlg));
     let mut places = Vec::new();
-    for (index, series) in recording.sensors.iter().enumerate() {
+    for ((index, series), grade) in recording.sensors.iter().enumerate().zip(grades(recording)) {
         let sensor = &series.sensor;
         let axes = Axes::new(axis_of(sensor), sensor.spin_axis.map(Vector3::from));
         let place = |port, name: &str, kind: SensorKind, unit: Unit| Place {
@@ -105,8 +108,12 @@ pub fn places(recording: &Recording, motion: &BodyMotion, time_s: &[f64]) -> Vec
             unit,
             group: sensor.group.clone(),
             relative: sensor.relative,
-            micromechanical: kind == SensorKind::MemsGyro
-                || (micromechanical && kind == SensorKind::Accelerometer),
+            grade,
+            micromechanical: match sensor.grade {
+                Some(Grade::Mems) => true,
+                Some(Grade::Navigation) => false,
+                _ => kind == SensorKind::MemsGyro || (micromechanical && kind == SensorKind::Accelerometer),
+            },
             axes,
             input: vectors_of(motion, unit.dimension()).map(|vectors| along(&axes.input, vectors).into()),
             is_estimated: motion.estimated,

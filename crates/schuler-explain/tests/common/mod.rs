@@ -25,6 +25,7 @@ pub fn series(
             spin_axis: None,
             quantisation: 0.0,
             relative: false,
+            grade: None,
             nominal,
         },
         written_unit: unit,

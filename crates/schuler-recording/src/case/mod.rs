@@ -4,6 +4,7 @@
 //! Keys that a file may leave out have the defaults of [`Default`]. The part about calibration runs is described in
 //! [`calibration`].
 pub mod calibration;
+mod grade;
 mod motion;
 mod read;
 mod simulation;
@@ -13,6 +14,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Serialize, Serializer};
 
+pub use grade::Grade;
 pub use motion::{Attitude, Motion, MotionKind};
 pub use simulation::{Clock, Covers, Simulation};
 
@@ -134,8 +136,6 @@ pub struct Source {
     /// What becomes of rows that come twice or late; without it they are an error.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub duplicates: Option<Duplicates>,
-}
-
     /// When the instruments were switched on within the recording, s as the time column, increasing; empty where they never
     /// were. Without it that is guessed from supplies that are off and from gaps.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -150,6 +150,8 @@ impl Source {
             stated_s.retain(|time_s| (first_s..=last_s).contains(time_s));
         }
     }
+}
+
 /// Unit of a time column.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TimeUnit {
@@ -243,6 +245,9 @@ pub struct Sensor {
     pub quantisation: f64,
     /// Whether it is read against an unknown constant.
     pub relative: bool,
+    /// How good it is; without it guessed from its kind and its noise where magnitudes are judged, and said.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub grade: Option<Grade>,
     /// What the simulation believes.
     pub nominal: Nominal,
 }
@@ -527,7 +532,7 @@ macro_rules! named_in_the_file {
     )*};
 }
 
-named_in_the_file!(TimeUnit, Duplicates, MotionKind, SensorKind, Quantity, Clock, Covers);
+named_in_the_file!(TimeUnit, Duplicates, MotionKind, SensorKind, Grade, Quantity, Clock, Covers);
 
 #[cfg(test)]
 mod tests {

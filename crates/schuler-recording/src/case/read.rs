@@ -2,8 +2,9 @@
 use std::path::Path;
 
 use super::{
-    Attitude, Auxiliary, Case, CaseFile, Duplicates, ELECTRONICS, ExponentialCosine, FORMAT, Markov, Motion,
-    MotionKind, Nominal, Quantity, SchulerLoop, Sensor, SensorKind, Site, Source, TemperatureBias, TimeUnit,
+    Attitude, Auxiliary, Case, CaseFile, Duplicates, ELECTRONICS, ExponentialCosine, FORMAT, Grade, Markov,
+    Motion, MotionKind, Nominal, Quantity, SchulerLoop, Sensor, SensorKind, Site, Source, TemperatureBias,
+    TimeUnit,
 };
 use crate::document::{Field, Node, Parsed, parse_with, suggestion};
 use crate::error::Error;
@@ -177,18 +178,17 @@ fn source(node: &Node<'_>) -> Option<Source> {
     let time_unit = optional(node, "time_unit", |field| field.one_of(&TimeUnit::NAMES));
     let step_s = optional(node, "step_s", positive);
     let duplicates = optional(node, "duplicates", |field| field.one_of(&Duplicates::NAMES));
-    Some(Source {
     let switched_on_s = optional(node, "switched_on_s", increasing);
+    Some(Source {
         path: path?.into(),
         time: time?,
         time_unit: time_unit?,
         step_s: step_s?,
         duplicates: duplicates?,
-    })
         switched_on_s: switched_on_s?,
+    })
 }
 
-fn site(node: &Node<'_>) -> Option<Site> {
 /// Times, each later than the one before; none is a statement, too.
 fn increasing(field: &Field<'_>) -> Option<Vec<f64>> {
     let times_s = field.any_numbers()?;
@@ -201,6 +201,7 @@ fn increasing(field: &Field<'_>) -> Option<Vec<f64>> {
     }
 }
 
+fn site(node: &Node<'_>) -> Option<Site> {
     let latitude = "degrees, -90 to 90";
     let latitude_deg = node
         .required("latitude_deg", latitude)
@@ -266,6 +267,7 @@ fn sensor(node: &Node<'_>) -> Option<Sensor> {
     let spin_axis = optional(node, "spin_axis", direction);
     let quantisation = optional(node, "quantisation", not_negative);
     let relative = optional(node, "relative", Field::boolean);
+    let grade = optional(node, "grade", |field| field.one_of(&Grade::NAMES));
     let nominal = optional(node, "nominal", |field| field.table(nominal));
     let sensor = Sensor {
         id: id?,
@@ -279,6 +281,7 @@ fn sensor(node: &Node<'_>) -> Option<Sensor> {
         spin_axis: spin_axis?,
         quantisation: quantisation?.unwrap_or_default(),
         relative: relative?.unwrap_or_default(),
+        grade: grade?,
         nominal: nominal?.unwrap_or_default(),
     };
     let needs_axis =

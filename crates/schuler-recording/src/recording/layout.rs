@@ -204,11 +204,6 @@ pub(super) fn time_error(file: &CaseFile, mut problem: Problem) -> Error {
     Error::one(&file.path, problem)
 }
 
-/// Values times a factor.
-fn scaled(values: Vec<f64>, factor: f64) -> Vec<f64> {
-    values.into_iter().map(|value| value * factor).collect()
-}
-
 /// Whether the times that the case states for switching on are those of a table with these times.
 ///
 /// # Errors
@@ -225,6 +220,11 @@ pub(super) fn switched_on_within(file: &CaseFile, time_s: &[f64]) -> Result<(), 
     let path = "recording.switched_on_s";
     let line = file.lines.get(path);
     Err(Error::one(&file.path, Problem::new(line, format!("{path}[{index}]"), message)))
+}
+
+/// Values times a factor.
+fn scaled(values: Vec<f64>, factor: f64) -> Vec<f64> {
+    values.into_iter().map(|value| value * factor).collect()
 }
 
 /// The auxiliary quantities with the path of each in the case: those that the case lists, and the temperatures that

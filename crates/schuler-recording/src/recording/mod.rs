@@ -154,8 +154,8 @@ impl Recording {
         let mut grid =
             Grid::new(&file.case.recording.time, recorded_s, &columns.lines, file.case.recording.step_s)
                 .map_err(|problem| time_error(&file, problem))?;
-        // Rows are put in only if the user has the memory for them.
         layout::switched_on_within(&file, &grid.time_s)?;
+        // Rows are put in only if the user has the memory for them.
         watch(grid.time_s.len(), layout.indices.len())?;
         let mut warnings = alike::said(&file.case, &layout, &columns, &file.table_path());
         warnings.extend(file_warnings(&file));
