@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::catalogue::{Candidate, NoiseChange, OnsetShape, Search};
 use crate::description::{Term, nonlinear_names};
-use crate::explanation::Parameter;
+use crate::explanation::{Parameter, is_plausible};
 use crate::jump::mean_stays;
 use crate::noise::{Knob, RowsOfLevel, VarianceStep};
 use crate::nominal::Model;
@@ -107,12 +107,32 @@ fn of_effect(bench: &Bench<'_>, description: &Description, place: usize) -> Vec<
     let term = &description.placed[place].term;
     let (candidate, model) = (&bench.problem.candidates[term.candidate], bench.problem.model);
     let rest = without_effect(description, place);
-    let mut parameters = Beside::as_trusted(bench, &rest)
-        .and_then(|beside| numbers(&Profile::new(&beside, term), model, term))
-        .unwrap_or_default();
+    let mut parameters = if candidate.effect.is_a_delay() {
+        of_delay(bench, description, place)
+    } else {
+        Beside::as_trusted(bench, &rest)
+            .and_then(|beside| numbers(&Profile::new(&beside, term), model, term))
+            .unwrap_or_default()
+    };
     parameters.extend(of_stays(candidate, term, model.step_s));
     parameters.extend(texts(candidate));
     parameters
+}
+
+/// A delay, which moves the other effects of the motion.
+fn of_delay(bench: &Bench<'_>, description: &Description, place: usize) -> Vec<Parameter> {
+    let term = &description.placed[place].term;
+    let (candidate, model) = (&bench.problem.candidates[term.candidate], bench.problem.model);
+    let gain = bench.gain_at(description, place, &term.nonlinear);
+    let fall = |point: &[f64]| gain - bench.gain_at(description, place, point);
+    let parameter = |(axis, (name, unit)): (usize, (&str, &str))| Parameter {
+        name: name.to_owned(),
+        value: Some(term.nonlinear[axis]),
+        sigma: Some(width(candidate, model, (&term.nonlinear, bounds(candidate, model, axis), axis), &fall)),
+        unit: Some(unit.to_owned()),
+        ..Parameter::default()
+    };
+    nonlinear_names(candidate).into_iter().enumerate().map(parameter).collect()
 }
 
 /// Amplitudes and non-linear parameters.
@@ -126,12 +146,13 @@ fn numbers(profile: &Profile<'_>, model: &Model, term: &Term) -> Option<Vec<Para
     }
     let amplitude = |(index, amplitude): (usize, &crate::catalogue::Amplitude)| {
         let value = told.amplitudes[index] * amplitude.in_unit;
+        let sigma = covariance[(index, index)].max(0.0).sqrt() * amplitude.in_unit.abs();
         Parameter {
             name: amplitude.name.clone(),
             value: Some(value),
-            sigma: Some(covariance[(index, index)].max(0.0).sqrt() * amplitude.in_unit.abs()),
+            sigma: Some(sigma),
             unit: Some(amplitude.unit.clone()),
-            plausible: amplitude.plausible.map(|[low, high]| value.abs() >= low && value.abs() <= high),
+            plausible: amplitude.plausible.map(|range| is_plausible(value, sigma, range)),
             ..Parameter::default()
         }
     };

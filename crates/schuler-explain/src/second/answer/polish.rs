@@ -4,7 +4,7 @@
 use super::parameters::{Profile, bounds, without_effect};
 use crate::catalogue::{OnsetShape, Search};
 use crate::minimise::golden;
-use crate::second::evidence::fit::{Bench, Description};
+use crate::second::evidence::fit::{Bench, Description, Placed};
 use crate::second::search::beside::Beside;
 use crate::second::search::library::{Offer, placed};
 use crate::second::search::moves::touched_by;
@@ -15,6 +15,9 @@ const ROUNDS: usize = 3;
 const AS_GOOD: f64 = 0.05;
 /// Longest step of the search for an onset, rows.
 const LONGEST_STEP: usize = 64;
+/// Part of a step to which a delay is sought, and nats that it must gain to be moved.
+const DELAY_TO: f64 = 1e-3;
+const DELAY_GAIN: f64 = 0.01;
 /// Part of a step to which the onset of a ramp is sought.
 const SOUGHT_TO: f64 = 0.05;
 
@@ -42,6 +45,24 @@ fn with_moved(bench: &Bench<'_>, description: &Description, place: usize) -> Opt
     if own.term.nonlinear.is_empty() {
         return None;
     }
+    let moved = if bench.problem.candidates[own.term.candidate].effect.is_a_delay() {
+        with_best_delay(bench, description, place)
+    } else {
+        beside_the_rest(bench, description, place)?
+    };
+    if moved.term.nonlinear == own.term.nonlinear {
+        return None;
+    }
+    let mut better = description.clone();
+    better.placed[place] = moved;
+    let touched = touched_by(&better.placed[place]);
+    let fitted = bench.fitted(&better, &touched)?;
+    (fitted.ln_evidence > description.ln_evidence - AS_GOOD).then_some(fitted)
+}
+
+/// An effect with its parameters at their best beside the rest as it is.
+fn beside_the_rest(bench: &Bench<'_>, description: &Description, place: usize) -> Option<Placed> {
+    let own = &description.placed[place];
     let rest = without_effect(description, place);
     let beside = Beside::as_trusted(bench, &rest)?;
     let mut point = own.term.nonlinear.clone();
@@ -51,18 +72,27 @@ fn with_moved(bench: &Bench<'_>, description: &Description, place: usize) -> Opt
         let profile = Profile::new(&beside, &own.term);
         point = vec![best_onset(bench, &profile, *shape, *onset_s)];
     }
-    let blocks = touched_by(own);
-    let offer =
-        Offer { candidate: own.term.candidate, ln_gain: 0.0, blocks, point, ln_spread: own.ln_spread };
-    let moved = placed(&beside, &offer);
-    if moved.term.nonlinear == own.term.nonlinear {
-        return None;
+    let (candidate, blocks) = (own.term.candidate, touched_by(own));
+    let offer = Offer { candidate, ln_gain: 0.0, blocks, point, ln_spread: own.ln_spread };
+    placed(&beside, &offer)
+}
+
+/// A delay at its best, together with the effects of the motion that it moves.
+fn with_best_delay(bench: &Bench<'_>, description: &Description, place: usize) -> Placed {
+    let own = &description.placed[place];
+    let (problem, here) = (bench.problem, own.term.nonlinear[0]);
+    let candidate = &problem.candidates[own.term.candidate];
+    let [low, high] = bounds(candidate, problem.model, 0);
+    let step_s = problem.model.step_s;
+    let (from, to) = ((here - step_s).max(low), (here + step_s).min(high));
+    let cost = |delay_s: f64| -bench.gain_at(description, place, &[delay_s]);
+    let (best, least) = golden(from, to, DELAY_TO * step_s, cost);
+    if least >= cost(here) - DELAY_GAIN {
+        return own.clone();
     }
-    let mut better = description.clone();
-    better.placed[place] = moved;
-    let touched = touched_by(&better.placed[place]);
-    let fitted = bench.fitted(&better, &touched)?;
-    (fitted.ln_evidence > description.ln_evidence - AS_GOOD).then_some(fitted)
+    let term = own.term.at(candidate, &[best], problem.time_s());
+    let regressors = bench.whitened_as(&term.columns, own);
+    Placed { term, regressors, ..own.clone() }
 }
 
 /// The time at which a shape gains most, from a row near it on.

@@ -269,6 +269,28 @@ impl<'b> Bench<'b> {
         system.solve(&description.described(self))
     }
 
+    /// Half the weighted squares that are left, with the sign turned, where an effect has other parameters, under the weights of a
+    /// description: what its log-likelihood changes by. A delay moves the other effects of the motion.
+    pub fn gain_at(&self, description: &Description, place: usize, point: &[f64]) -> f64 {
+        let problem = self.problem;
+        let mut moved = description.clone();
+        let placed = &mut moved.placed[place];
+        let candidate = &problem.candidates[placed.term.candidate];
+        placed.term = placed.term.at(candidate, point, problem.time_s());
+        let columns = late_columns(problem.model, &placed.delays, &placed.term);
+        placed.regressors = self.whitened_as(&columns, placed);
+        let moved = self.as_late(&moved);
+        let Some(solved) = self.solve(&moved) else { return f64::NEG_INFINITY };
+        let system = System { sums: &self.sums, weights: &description.weights };
+        let described = moved.described(self);
+        let of_block = |(index, weights): (usize, &Option<Weights>)| {
+            let Some(weights) = weights else { return 0.0 };
+            let power = system.power_left(index, &described, &solved.amplitudes);
+            weights.of_channels.iter().zip(&power).map(|(weight, power)| weight.dot(power)).sum::<f64>()
+        };
+        -0.5 * description.weights.iter().enumerate().map(of_block).sum::<f64>()
+    }
+
     /// Noise and trust of a block beside given amplitudes; its log-likelihood.
     fn fit_block(&self, description: &mut Description, index: usize, round: usize) -> Option<f64> {
         let config = self.problem.config;

@@ -121,8 +121,9 @@ pub fn offers(beside: &Beside<'_>, library: &[Shelf], among: &[usize]) -> Vec<Of
     shelves.filter_map(of).collect()
 }
 
-/// The effect of an offer with its parameters refined between the points of the grid.
-pub fn placed(beside: &Beside<'_>, offer: &Offer) -> Placed {
+/// The effect of an offer with its parameters refined between the points of the grid; none of one that is described already where
+/// effects come late.
+pub fn placed(beside: &Beside<'_>, offer: &Offer) -> Option<Placed> {
     let problem = beside.bench.problem;
     let candidate = &problem.candidates[offer.candidate];
     let (mut point, mut ln_spread) = (offer.point.clone(), offer.ln_spread);
@@ -140,11 +141,10 @@ pub fn placed(beside: &Beside<'_>, offer: &Offer) -> Placed {
     let delays = if delays.move_term(&term) { delays.among(&term.sensors()) } else { Delays::default() };
     let late = late_columns(problem.model, &delays, &term).into_owned();
     let mut whitened = regressors(problem.model, &beside.bench.sums, &late, term.port);
-    if let Some(normal) = beside.normal(&beside.described(), &whitened) {
-        let left_out = |(place, _): &(usize, &mut Regressor)| !normal.kept.contains(place);
-        whitened.iter_mut().enumerate().filter(left_out).for_each(|(_, it)| *it = Regressor::default());
-    }
-    Placed { term, regressors: Arc::new(whitened), ln_spread, delays }
+    let normal = beside.normal(&beside.described(), &whitened)?;
+    let left_out = |(place, _): &(usize, &mut Regressor)| !normal.kept.contains(place);
+    whitened.iter_mut().enumerate().filter(left_out).for_each(|(_, it)| *it = Regressor::default());
+    Some(Placed { term, regressors: Arc::new(whitened), ln_spread, delays })
 }
 
 /// The frequency of a line sought beyond the raster of the scan, which is that of the record's length.

@@ -189,7 +189,7 @@ fn effects(
             offers(beside, library, among).into_iter().partition(is_grid);
         let chosen: Vec<Offer> = [best(linear), best(grids), best(scans(beside, among))].concat();
         let more: Vec<(usize, Placed)> =
-            chosen.par_iter().map(|offer| (offer.candidate, placed(beside, offer))).collect();
+            chosen.par_iter().filter_map(|offer| Some((offer.candidate, placed(beside, offer)?))).collect();
         for (candidate, placed) in more {
             let is_known = effects
                 .iter()
