@@ -137,7 +137,8 @@ pub fn conversation(data: &[u8]) {
 }
 
 fn converse(source: &mut Unstructured<'_>, scenes: &[Scene], module: &mut FlightModule) -> Result<()> {
-    let identity = Identity { board: Board::Host, transport: Transport::Memory, start: Start::PowerOn, boots: 0 };
+    let identity =
+        Identity { board: Board::Host, transport: Transport::Memory, start: Start::PowerOn, boots: 0 };
     let mut endpoint = Endpoint::new(identity);
     module.clone_from(&source.choose(scenes)?.module);
     let now_us = Cell::new(0u64);

@@ -33,7 +33,8 @@ fn from_host() -> Vec<HostMessage> {
 }
 
 fn from_module() -> Vec<ModuleMessage> {
-    let identity = Identity { board: Board::Host, transport: Transport::Memory, start: Start::PowerOn, boots: 0 };
+    let identity =
+        Identity { board: Board::Host, transport: Transport::Memory, start: Start::PowerOn, boots: 0 };
     vec![
         ModuleMessage::Banner(Banner::new(identity)),
         ModuleMessage::Counters(Counters::NONE),

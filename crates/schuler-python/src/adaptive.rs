@@ -177,7 +177,9 @@ impl AdaptiveFilter {
     fn beside(&self, name: &str, values: Option<&Bound<'_, PyAny>>, length: usize) -> PyResult<Vec<f64>> {
         let Some(values) = values else { return Ok(vec![f64::NAN; length]) };
         if self.config.health.is_none() {
-            return Err(wrong(format!("{name}: the health monitor is off; expected a call of watch_radio before")));
+            return Err(wrong(format!(
+                "{name}: the health monitor is off; expected a call of watch_radio before"
+            )));
         }
         let values = vector(name, values)?;
         if values.len() == length {

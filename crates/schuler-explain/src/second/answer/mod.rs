@@ -8,7 +8,7 @@
 //! | [`findings`] | findings in words and numbers |
 //! | [`held_out`] | how well it predicts what it was not fitted to |
 //! | [`located`] | where record and simulation differ, and what is left |
-//! | [`arrays`] | what shows that it holds |
+//! | [`mod@arrays`] | what shows that it holds |
 pub mod arrays;
 pub mod findings;
 pub mod held_out;
