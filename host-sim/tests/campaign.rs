@@ -153,7 +153,10 @@ fn nominal_models_are_true() {
             }
             simulated.write_public(directory.path()).unwrap();
             let recording = Recording::read(&directory.path().join("case.toml")).unwrap();
-            assert!(recording.warnings.is_empty(), "{:?}", recording.warnings);
+            // Silent instruments that measure the same read the same.
+            let is_new = |warning: &&String| !warning.contains("have the same readings, bit for bit");
+            let warnings: Vec<&String> = recording.warnings.iter().filter(is_new).collect();
+            assert!(warnings.is_empty(), "{warnings:?}");
             let told = oracle::outputs(&setting, &simulated, rows);
             let left: Vec<(String, Vec<f64>)> = told
                 .iter()

@@ -193,6 +193,10 @@ mod tests {
     use super::*;
 
     fn recording(rows: impl Iterator<Item = (f64, String)>) -> Recording {
+        read(rows).unwrap()
+    }
+
+    fn read(rows: impl Iterator<Item = (f64, String)>) -> Result<Recording, schuler_recording::Error> {
         let folder = TempDir::new().unwrap();
         let mut table = "t,x\n".to_owned();
         for (time, value) in rows {
@@ -202,24 +206,32 @@ mod tests {
         let case = "format = \"schuler-case/1\"\n[recording]\npath = \"r.csv\"\ntime = \"t\"\n\
                     [[sensor]]\nid = \"x\"\nkind = \"fog\"\ncolumn = \"x\"\nunit = \"deg/h\"\naxis = [1, 0, 0]\n";
         fs::write(folder.path().join("c.toml"), case).unwrap();
-        Recording::read(&folder.path().join("c.toml")).unwrap()
+        Recording::read(&folder.path().join("c.toml"))
     }
 
     #[test]
     fn hopeless_recordings_are_answered_all_the_same() {
         let constant = recording((0..100).map(|row| (f64::from(row), "1.5".to_owned())));
-        let missing = recording((0..100).map(|row| (f64::from(row), "nan".to_owned())));
         let short = recording((0..2).map(|row| (f64::from(row), row.to_string())));
-        let one_value =
-            recording((0..50).map(|row| (f64::from(row), if row == 7 { "1" } else { "" }.to_owned())));
         let two_levels = recording((0..500).map(|row| (f64::from(row), (row % 2).to_string())));
         let step = recording((0..500).map(|row| (f64::from(row), (row / 250).to_string())));
         let mostly_gaps = recording((0..60).map(|row| (f64::from(row * row), (row % 7).to_string())));
-        for recording in [constant, missing, short, one_value, two_levels, step, mostly_gaps] {
+        for recording in [constant, short, two_levels, step, mostly_gaps] {
             let found = identify(&recording, Options::default());
             assert_eq!(found.sensors.len(), 1);
             assert!(serde_json::to_string(&found).is_ok());
             assert!(!found.to_string().is_empty());
+        }
+    }
+
+    /// Rows without a reading are not there.
+    #[test]
+    fn a_recording_without_two_readings_is_refused() {
+        let missing = read((0..100).map(|row| (f64::from(row), "nan".to_owned())));
+        let one_value = read((0..50).map(|row| (f64::from(row), if row == 7 { "1" } else { "" }.to_owned())));
+        for refused in [missing, one_value] {
+            let error = refused.err().expect("there is nothing to read").to_string();
+            assert!(error.contains("expected at least two"), "{error}");
         }
     }
 }
