@@ -98,7 +98,7 @@ impl AdaptiveFilter {
     /// counts for one less that probability. None: the monitor is told and used by nothing. at_most_s: after so long
     /// without pause it is used all the same, s. repeat: probability that a reading of a radio that works repeats the
     /// one before. The velocities are arguments of run.
-    #[pyo3(signature = (*, withhold_above=Some(0.5), at_most_s=1200.0, repeat=0.05))]
+    #[pyo3(signature = (*, withhold_above=0.5, at_most_s=1200.0, repeat=0.05))]
     fn watch_radio(&mut self, withhold_above: Option<f32>, at_most_s: f32, repeat: f32) -> PyResult<()> {
         let mut health = HealthConfig::doppler_against_inertial();
         let [[_, fail], [recover, _]] = health.radio.transition;

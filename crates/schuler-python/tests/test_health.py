@@ -24,10 +24,10 @@ def flight(seed: int = 1) -> tuple[Any, Any]:
     return radio, inertial
 
 
-def fly(**options: Any) -> schuler.AdaptiveRun:
+def fly(seed: int = 1, **options: Any) -> schuler.AdaptiveRun:
     filter_ = schuler.AdaptiveFilter(CONFIG, method="off")
     filter_.watch_radio(**options)
-    radio, inertial = flight()
+    radio, inertial = flight(seed=seed)
     return filter_.run(inertial - radio, radio, inertial)
 
 
@@ -42,7 +42,9 @@ def test_a_faulty_radio_is_told_and_withheld() -> None:
         schuler.HealthVerdict.SHIFTED_MEAN_AND_GROWN_NOISE,
         schuler.HealthVerdict.OUT_OF_MODEL,
     }
-    assert not run.withheld[: FAULT.start].any()
+    # A healthy radio is withheld now and then, some steps together: see records/2026-11-28-health-acts.toml.
+    healthy = np.concatenate([fly(seed=seed).withheld[: FAULT.start] for seed in range(1, 9)])
+    assert healthy.mean() < 0.01
     assert schuler.HealthVerdict.NOMINAL in run.health_verdict[50 : FAULT.start]
     # The tilt keeps out of it: with the verdict used by nothing it does not.
     told = fly(withhold_above=None)
