@@ -230,7 +230,7 @@ mod tests {
         let missing = read((0..100).map(|row| (f64::from(row), "nan".to_owned())));
         let one_value = read((0..50).map(|row| (f64::from(row), if row == 7 { "1" } else { "" }.to_owned())));
         for refused in [missing, one_value] {
-            let error = refused.err().expect("there is nothing to read").to_string();
+            let error = refused.expect_err("there is nothing to read").to_string();
             assert!(error.contains("expected at least two"), "{error}");
         }
     }
