@@ -2,15 +2,14 @@
 //!
 //! One entry a channel of the nominal model: a sensor, a component of a parity vector (in the unit of its sensors), or the
 //! velocity error of a Schuler loop.
-use schuler_recording::unit::Unit;
 
-use crate::catalogue::{Candidate, Port, Search};
+use crate::catalogue::Port;
 use crate::description::{Delays, Term};
-use crate::equivalence::target_name;
-use crate::evidence::{CaseArrays, Cause, Part, SensorArrays};
+use crate::evidence::{CaseArrays, Part, SensorArrays};
 use crate::explanation::Finding;
-use crate::hold_out::held_out_s;
 use crate::nominal::Block;
+use crate::second::answer::arrays::{cause, findings_of, name};
+use crate::second::answer::held_out::held_out_s;
 use crate::state::{Bench, Case, State};
 
 /// What an effect whose reference is not known adds at the mean, in the answer.
@@ -22,7 +21,7 @@ pub fn arrays(case: &Case<'_>, before: &State, after: &State, findings: &[Findin
     let bench = Bench::new(case, &after.terms, &after.noises);
     let amplitudes: Vec<f64> = bench.solution.amplitudes.iter().copied().collect();
     let constants = case.model.constants.len();
-    let places = findings_of(case, after, findings);
+    let places = findings_of(case.model, case.candidates, after.terms.iter(), findings);
     let mut sensors = Vec::new();
     for (index, block) in case.model.blocks.iter().enumerate() {
         let rows = block.rows();
@@ -64,10 +63,13 @@ pub fn arrays(case: &Case<'_>, before: &State, after: &State, findings: &[Findin
             let parts = parts.iter().map(|(finding, values, term)| Part {
                 finding: *finding,
                 values: of_channel(values),
-                cause: case.candidates.get(term.candidate).and_then(|it| cause(case, it, term, source.unit)),
+                cause: case
+                    .candidates
+                    .get(term.candidate)
+                    .and_then(|it| cause(it, term, source.unit, case.time_s)),
             });
             sensors.push(SensorArrays {
-                sensor: name(case, block, channel),
+                sensor: name(case.model, block, channel),
                 unit: source.unit,
                 residual: of_channel(&data),
                 innovation_before: known(&whitened_before),
@@ -79,7 +81,7 @@ pub fn arrays(case: &Case<'_>, before: &State, after: &State, findings: &[Findin
     CaseArrays {
         time_s: case.time_s.to_vec(),
         step_s: case.model.step_s,
-        held_out_s: held_out_s(case, after),
+        held_out_s: held_out_s(case.model, &after.noises),
         sensors,
     }
 }
@@ -95,60 +97,4 @@ fn added(block: &Block, term: &Term, amplitudes: &[f64]) -> Option<Vec<f64>> {
         sum.iter_mut().zip(&*values).for_each(|(sum, value)| *sum += amplitude * value);
     }
     sum
-}
-
-/// What an effect depends on, where a plot against it says something: the signature of one amplitude, or time.
-fn cause(case: &Case<'_>, candidate: &Candidate, term: &Term, unit: Unit) -> Option<Cause> {
-    let time = || Some(Cause { name: "time".to_owned(), unit: "s".to_owned(), values: case.time_s.to_vec() });
-    // Within the loop a velocity does not follow its cause step by step, and a component of a parity vector sees several.
-    if candidate.port != Port::Output {
-        return None;
-    }
-    match (&candidate.search, &candidate.amplitudes[..], &term.columns[..]) {
-        (Search::Onset(_), ..) => time(),
-        // A second amplitude for an unknown reference is a constant in such a plot.
-        (
-            Search::Linear(_) | Search::Grid { unit_amplitude: false, .. },
-            [amplitude, rest @ ..],
-            [column, ..],
-        ) if rest.iter().all(|other| other.name == AT_MEAN) => {
-            let (_, values) = column.parts.first()?;
-            let varies = values.windows(2).any(|pair| pair[0] != pair[1]);
-            varies.then(|| Cause::of_signature(candidate.effect.formula, amplitude, values, unit))
-        }
-        _ => None,
-    }
-}
-
-/// The place of each term among the findings: of the same effect at the same place the one that begins nearest.
-fn findings_of(case: &Case<'_>, state: &State, findings: &[Finding]) -> Vec<Option<usize>> {
-    let mut free: Vec<usize> = (0..findings.len()).collect();
-    let place = |term: &Term| -> Option<usize> {
-        let candidate = case.candidates.get(term.candidate)?;
-        let sensor = target_name(case.model, candidate);
-        let onset_s = match candidate.search {
-            Search::Onset(_) => term.nonlinear.first().copied().unwrap_or_default(),
-            _ => 0.0,
-        };
-        let distance = |finding: &Finding| (finding.interval_s[0] - onset_s).abs();
-        let nearest = free
-            .iter()
-            .copied()
-            .filter(|k| findings[*k].sensor == sensor && findings[*k].effect == candidate.effect.id)
-            .min_by(|a, b| distance(&findings[*a]).total_cmp(&distance(&findings[*b])))?;
-        free.retain(|k| *k != nearest);
-        Some(nearest)
-    };
-    state.terms.iter().map(place).collect()
-}
-
-fn name(case: &Case<'_>, block: &Block, channel: usize) -> String {
-    let sources = block.sources.iter().filter_map(|source| case.model.sources.get(*source));
-    let mut names: Vec<&str> = sources.map(|source| source.name.as_str()).collect();
-    if block.sensors.len() == 1 {
-        // The loop's own sources come after that of its velocity.
-        names.truncate(1);
-        return names.concat();
-    }
-    format!("parity {} of {}", channel + 1, names.join(", "))
 }

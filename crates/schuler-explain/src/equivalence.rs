@@ -21,8 +21,8 @@ use crate::jump::RATES;
 use crate::noise_change::ChangeFit;
 use crate::nominal::Model;
 use crate::price::Price;
-use crate::refit::THREE_SIGMA_NATS;
 use crate::search::{Family, deterministic, library};
+use crate::second::answer::parameters::THREE_SIGMA_NATS;
 use crate::select::{Item, add_change, blocks_with, gain_of_item, touches, without};
 use crate::state::{Bench, Case, State, refitted};
 

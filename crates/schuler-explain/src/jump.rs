@@ -22,7 +22,7 @@ use crate::statistics::ln_chi_squared_tail;
 use crate::whiten::Filter;
 
 /// Gain of a further Markov part from which on jumps are sought.
-const WORTH_TRYING: f64 = 3.0;
+pub const WORTH_TRYING: f64 = 3.0;
 /// Parts of the time on that are tried.
 const PARTS_ON: [f64; 2] = [0.1, 0.3];
 /// Histories kept.
@@ -32,9 +32,8 @@ const FORGOTTEN: f64 = 25.0;
 /// Difference of two histories' whitened innovations, in standard deviations, below which they are one.
 const SAME: f64 = 0.1;
 /// Starts that are followed, and how often amplitude and rates are fitted.
-pub const FOLLOWED: usize = 2;
-/// See [`FOLLOWED`].
-pub const ITERATIONS: usize = 3;
+const FOLLOWED: usize = 2;
+const ITERATIONS: usize = 3;
 /// Rates of switching on and off.
 pub const RATES: usize = 2;
 /// Degrees of freedom: the amplitude and the rates; and ln of the places where they were sought.
@@ -48,13 +47,10 @@ const FEWEST_STAYS: usize = 2;
 
 /// Amplitude and probabilities, a row, of switching on and off.
 #[derive(Clone, Copy, Debug)]
-pub struct Telegraph {
-    /// Height.
-    pub amplitude: f64,
-    /// Of switching on.
-    pub on: f64,
-    /// Of switching off.
-    pub off: f64,
+struct Telegraph {
+    amplitude: f64,
+    on: f64,
+    off: f64,
 }
 
 impl Telegraph {
@@ -77,12 +73,8 @@ pub fn jumps(bench: &Bench<'_>, wanted: &(dyn Fn(usize) -> bool + Sync)) -> Vec<
     let candidates = bench.case.candidates.par_iter().enumerate().filter(|(index, candidate)| {
         candidate.is_jump() && wanted(*index) && bench.terms.iter().all(|term| term.candidate != *index)
     });
-    let mut places: Vec<Place> =
-        candidates.filter_map(|(index, candidate)| Place::new(bench, index, candidate)).collect();
-    // A sensor of a redundant set is seen in the others, which have their turn when it is described.
-    places.sort_by(|a, b| a.block.cmp(&b.block).then(b.gain.total_cmp(&a.gain)));
-    places.dedup_by_key(|place| place.block);
-    places.par_iter().filter_map(|place| place.jump(bench)).collect()
+    let places = candidates.filter_map(|(index, candidate)| Place::new(bench, index, candidate)).collect();
+    best_of_blocks(places).par_iter().filter_map(|place| place.jump(bench)).collect()
 }
 
 /// What the jumps that a term describes show beside all others, under the noises as they are: the history that is given was made from the
@@ -100,13 +92,24 @@ pub fn shown_beside(bench: &Bench<'_>, term: &Term) -> Option<f64> {
 }
 
 /// Where jumps are sought.
-struct Place {
-    candidate: usize,
-    sensor: usize,
-    block: usize,
-    /// A further Markov part, and what it gains.
-    part: Markov,
-    gain: f64,
+pub struct Place {
+    /// The candidate.
+    pub candidate: usize,
+    /// The sensor.
+    pub sensor: usize,
+    /// The block that it is in.
+    pub block: usize,
+    /// A further Markov part.
+    pub part: Markov,
+    /// What that gains.
+    pub gain: f64,
+}
+
+/// The places that are looked at. A sensor of a redundant set is seen in the others, which have their turn when it is described.
+pub fn best_of_blocks(mut places: Vec<Place>) -> Vec<Place> {
+    places.sort_by(|a, b| a.block.cmp(&b.block).then(b.gain.total_cmp(&a.gain)));
+    places.dedup_by_key(|place| place.block);
+    places
 }
 
 impl Place {
@@ -122,7 +125,8 @@ impl Place {
         (gain >= WORTH_TRYING && stays).then_some(Self { candidate: index, sensor, block, part, gain })
     }
 
-    fn term(&self, on: &[bool]) -> Term {
+    /// The term of a history.
+    pub fn term(&self, on: &[bool]) -> Term {
         Term {
             candidate: self.candidate,
             nonlinear: Vec::new(),
@@ -162,29 +166,16 @@ impl Place {
             weights: whitened.filter.weight_of_states(),
             channels: block.channels,
         };
-        let starts = starts(self.part, block.step_s()).into_par_iter();
-        let mut found: Vec<Decoded> = starts.filter_map(|start| decoder.decode(start)).collect();
-        found.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-        found.truncate(FOLLOWED);
-        found.par_iter_mut().for_each(|decoded| {
-            for _ in 0..ITERATIONS {
-                let (_, solution) = bench.with_term(&self.term(&decoded.on));
-                let Some(&amplitude) = solution.amplitudes.as_slice().last() else { break };
-                let [on, off] = rates(&decoded.on);
-                let Some(next) = decoder.decode(Telegraph { amplitude, on, off }) else { break };
-                if next.gain <= decoded.gain {
-                    break;
-                }
-                *decoded = next;
-            }
-        });
-        let best = found.into_iter().max_by(|a, b| a.gain.total_cmp(&b.gain))?;
-        comes_and_goes(&best.on).then_some(best)
+        let amplitude_of = |history: &Decoded| {
+            let (_, solution) = bench.with_term(&self.term(&history.on));
+            solution.amplitudes.as_slice().last().copied()
+        };
+        decoder.likeliest(self.part, block.step_s(), &amplitude_of)
     }
 }
 
 /// Whether a history is one of jumps, and not a step or glitches.
-pub fn comes_and_goes(on: &[bool]) -> bool {
+fn comes_and_goes(on: &[bool]) -> bool {
     [false, true].into_iter().all(|state| {
         let (number, rows) = stays(on, state).fold((0, 0), |(n, rows), stay| (n + 1, rows + stay));
         let long = stays(on, state).filter(|&stay| stay >= SHORTEST_STAY_ROWS).count();
@@ -193,7 +184,7 @@ pub fn comes_and_goes(on: &[bool]) -> bool {
 }
 
 /// Rows of each stay, on or off.
-pub fn stays(on: &[bool], state: bool) -> impl Iterator<Item = usize> + '_ {
+fn stays(on: &[bool], state: bool) -> impl Iterator<Item = usize> + '_ {
     on.chunk_by(|a, b| a == b).filter(move |stay| stay.first() == Some(&state)).map(<[bool]>::len)
 }
 
@@ -209,7 +200,7 @@ pub fn mean_stays(term: &Term, step_s: f64) -> [(&'static str, f64, f64); RATES]
 }
 
 /// Telegraphs with the autocorrelation of a Markov part, up or down.
-pub fn starts(part: Markov, step_s: f64) -> Vec<Telegraph> {
+fn starts(part: Markov, step_s: f64) -> Vec<Telegraph> {
     let rate = step_s / part.tau_s.max(2.0 * step_s);
     let of = |on: f64| {
         let amplitude = part.sigma / (on * (1.0 - on)).sqrt();
@@ -223,7 +214,7 @@ pub fn starts(part: Markov, step_s: f64) -> Vec<Telegraph> {
 }
 
 /// Rates of switching on and off of a history; half a switching more than seen, as none seen does not mean never.
-pub fn rates(on: &[bool]) -> [f64; 2] {
+fn rates(on: &[bool]) -> [f64; 2] {
     let count = |from: bool| on.iter().filter(|&&on| on == from).count() as f64;
     let switched =
         |from: bool| on.windows(2).filter(|pair| pair[0] == from && pair[1] != from).count() as f64;
@@ -275,8 +266,35 @@ impl States {
 }
 
 impl Decoder<'_> {
+    /// The likeliest history, unless it is none of jumps, from the autocorrelation of a Markov `part` on; `amplitude_of` is that of
+    /// a history at its best.
+    pub fn likeliest(
+        &self,
+        part: Markov,
+        step_s: f64,
+        amplitude_of: &(dyn Fn(&Decoded) -> Option<f64> + Sync),
+    ) -> Option<Decoded> {
+        let starts = starts(part, step_s).into_par_iter();
+        let mut found: Vec<Decoded> = starts.filter_map(|start| self.decode(start)).collect();
+        found.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+        found.truncate(FOLLOWED);
+        found.par_iter_mut().for_each(|decoded| {
+            for _ in 0..ITERATIONS {
+                let Some(amplitude) = amplitude_of(decoded) else { break };
+                let [on, off] = rates(&decoded.on);
+                let Some(next) = self.decode(Telegraph { amplitude, on, off }) else { break };
+                if next.gain <= decoded.gain {
+                    break;
+                }
+                *decoded = next;
+            }
+        });
+        let best = found.into_iter().max_by(|a, b| a.gain.total_cmp(&b.gain))?;
+        comes_and_goes(&best.on).then_some(best)
+    }
+
     /// The likeliest history under a telegraph and the sum over all that were kept.
-    pub fn decode(&self, telegraph: Telegraph) -> Option<Decoded> {
+    fn decode(&self, telegraph: Telegraph) -> Option<Decoded> {
         let Telegraph { amplitude, on, off } = telegraph;
         if !(amplitude.is_finite() && amplitude != 0.0 && on > 0.0 && off > 0.0) {
             return None;

@@ -5,16 +5,15 @@
 //! under each recorded condition in ten bins; and in the end whether each noise that was found is the same at all times
 //! ([`crate::constancy`]). All p-values are multiplied by the number of tests.
 use rayon::prelude::*;
-use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::constancy::constancy;
 use crate::explanation::{Located, Remainder};
 use crate::inputs::Inputs;
 use crate::noise::Knob;
-use crate::nominal::Block;
+use crate::second::answer::located::{Binned, bins, conditional, frequency_text, largest_sum, two_tailed};
 use crate::smooth::{Dependence, gain_of_one};
 use crate::state::{Accepted, Bench, Case, State};
-use crate::statistics::{chi_squared_tail, ljung_box};
+use crate::statistics::ljung_box;
 
 /// p-value, corrected, below which a difference is reported.
 const REPORTED: f64 = 0.01;
@@ -26,8 +25,6 @@ const WINDOWS: usize = 100;
 const FEWEST_ROWS: usize = 30;
 /// Lags of the test for whiteness.
 const LAGS: usize = 20;
-/// Bins of a condition.
-const BINS: usize = 10;
 
 /// A test's result before correction.
 struct Result {
@@ -232,113 +229,4 @@ fn results_of_noises(bench: &Bench<'_>, state: &State) -> Vec<Result> {
         Some(Result { block, test, what, p, interval_s: None, band_hz: None, condition: None })
     };
     state.changes.par_iter().filter(is_of_all_times).filter_map(result).collect()
-}
-
-/// A frequency as people say it: a slow one by its period.
-fn frequency_text(hertz: f64) -> String {
-    let hours = (3600.0 * hertz).recip();
-    match hertz {
-        1e-3.. => format!("{hertz:.4} Hz"),
-        _ if hours < 1.0 => format!("a period of {:.1} min", 60.0 * hours),
-        _ => format!("a period of {hours:.2} h"),
-    }
-}
-
-fn two_tailed(sum: f64, freedom: f64) -> f64 {
-    ChiSquared::new(freedom).map_or(1.0, |chi| 2.0 * chi.cdf(sum).min(chi.sf(sum)))
-}
-
-/// p-value of the largest cumulative sum about its line, and where it is.
-fn largest_sum(series: &[f64]) -> (f64, usize) {
-    let count = series.iter().filter(|value| value.is_finite()).count() as f64;
-    let total: f64 = series.iter().filter(|value| value.is_finite()).sum();
-    if count < 1.0 {
-        return (1.0, 0);
-    }
-    let (mut sum, mut seen) = (0.0, 0.0);
-    let mut largest = (0.0_f64, 0);
-    for (row, value) in series.iter().enumerate().filter(|(_, value)| value.is_finite()) {
-        sum += value;
-        seen += 1.0;
-        let bridge: f64 = (sum - total * seen / count) / count.sqrt();
-        if bridge.abs() > largest.0 {
-            largest = (bridge.abs(), row);
-        }
-    }
-    let x = largest.0;
-    let p: f64 = (1..=20)
-        .map(|k| {
-            let k = f64::from(k);
-            2.0 * (-1.0_f64).powf(k - 1.0) * (-2.0 * k * k * x * x).exp()
-        })
-        .sum();
-    (if x < 0.3 { 1.0 } else { p.clamp(0.0, 1.0) }, largest.1)
-}
-
-/// A condition in bins of equal number.
-struct Binned {
-    /// Its place among the conditions.
-    place: usize,
-    name: String,
-    /// The bin of each row; `None` where there is no value.
-    bins: Vec<Option<u8>>,
-}
-
-/// The bins of a condition's values; `None` where they take too few values.
-fn bins(values: &[f64]) -> Option<Vec<Option<u8>>> {
-    let mut sorted: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
-    let number = sorted.len();
-    if number < BINS {
-        return None;
-    }
-    // The edges alone in their places, the last one first: the rest need no order.
-    let mut below = sorted.as_mut_slice();
-    let mut edges: Vec<f64> = (1..BINS)
-        .rev()
-        .map(|bin| {
-            let (lower, edge, _) =
-                std::mem::take(&mut below).select_nth_unstable_by(bin * number / BINS, f64::total_cmp);
-            below = lower;
-            *edge
-        })
-        .collect();
-    edges.reverse();
-    if edges.first()? >= edges.last()? {
-        return None;
-    }
-    let bin = |value: &f64| value.is_finite().then(|| edges.partition_point(|edge| edge < value) as u8);
-    Some(values.iter().map(bin).collect())
-}
-
-/// p-value of the means in the bins of a condition, with the least and the largest mean in standard deviations.
-fn conditional(block: &Block, e: &[f64], bins: &[Option<u8>]) -> Option<(f64, f64, f64)> {
-    let mut sums = [(0.0, 0.0); BINS];
-    for ((bin, e), _) in bins.iter().zip(e).zip(&block.present).filter(|(_, present)| **present) {
-        if let Some(bin) = bin {
-            let (sum, count) = &mut sums[usize::from(*bin)];
-            *sum += e;
-            *count += 1.0;
-        }
-    }
-    let standard: Vec<f64> =
-        sums.iter().filter(|(_, count)| *count > 0.0).map(|(sum, count)| sum / f64::sqrt(*count)).collect();
-    if standard.len() < 2 {
-        return None;
-    }
-    let statistic: f64 = standard.iter().map(|z| z * z).sum();
-    let low = standard.iter().copied().fold(f64::INFINITY, f64::min);
-    let high = standard.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    Some((chi_squared_tail(statistic, standard.len()), low, high))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::frequency_text;
-
-    #[test]
-    fn slow_frequencies_are_said_by_their_periods() {
-        assert_eq!(frequency_text(0.25), "0.2500 Hz");
-        assert_eq!(frequency_text(1.0 / 1800.0), "a period of 30.0 min");
-        assert_eq!(frequency_text(1.221e-4), "a period of 2.28 h");
-    }
 }

@@ -8,22 +8,19 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use crate::catalogue::{Candidate, NoiseChange, OnsetShape, Search};
+use crate::catalogue::{Candidate, OnsetShape, Search};
 use crate::description::{Term, nonlinear_names};
 use crate::explanation::{Parameter, is_plausible};
-use crate::jump::mean_stays;
 use crate::noise::{Knob, Noise, RowsOfLevel, VarianceStep};
 use crate::noise_fit::{Observations, SourceKnob, curvature, exact, logs_of, with_logs};
 use crate::sandwich::variances;
+use crate::second::answer::parameters::{
+    bounds, distance_of_fall, is_replaced, of_knob, of_stays, texts, width,
+};
 use crate::select::Item;
 use crate::spectrum::Derivatives;
 use crate::state::{Bench, Case, State};
 
-/// Fall of the log-likelihood at three standard deviations.
-pub const THREE_SIGMA_NATS: f64 = 4.5;
-/// Steps by which the search for that fall grows, and how often.
-const GROWTH: f64 = 1.6;
-const GROWTHS: usize = 40;
 /// Step of a derivative as a part of the distance at which the profile has fallen.
 const STEP: f64 = 0.3;
 /// Times at which a drift over the whole record may as well have begun.
@@ -58,14 +55,15 @@ pub fn of_term(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter> {
     let mut of_nonlinear = DMatrix::zeros(size, size);
     if size > 0 {
         for axis in 0..size {
-            widths[axis] = width(candidate, case, &term.nonlinear, axis, |point| gain - profile(point).0);
+            widths[axis] =
+                width(candidate, case.model, &term.nonlinear, axis, &|point| gain - profile(point).0);
         }
         // In units of the widths the profile is near a unit parabola.
         let scaled = |by: &[f64]| -> Vec<f64> {
-            let range = |axis: usize| bounds(candidate, case, axis);
+            let range = |axis: usize| bounds(candidate, case.model, axis);
             (term.nonlinear.iter().zip(&widths).zip(by).enumerate())
                 .map(|(axis, ((value, width), by))| {
-                    let (low, high) = range(axis);
+                    let [low, high] = range(axis);
                     (value + width * by).clamp(low, high)
                 })
                 .collect()
@@ -183,93 +181,6 @@ fn ramp_instead(case: &Case<'_>, term: &Term) -> Option<usize> {
     is_whole.then(|| case.candidates.iter().position(is_it)).flatten()
 }
 
-/// How long a mean that jumps stays on and off.
-fn of_stays(candidate: &Candidate, term: &Term, step_s: f64) -> Vec<Parameter> {
-    if !candidate.is_jump() {
-        return Vec::new();
-    }
-    let stays = mean_stays(term, step_s).map(|(name, mean_s, sigma_s)| Parameter {
-        name: name.to_owned(),
-        value: Some(mean_s),
-        sigma: Some(sigma_s),
-        unit: Some("s".to_owned()),
-        ..Parameter::default()
-    });
-    stays.to_vec()
-}
-
-fn texts(candidate: &Candidate) -> impl Iterator<Item = Parameter> + '_ {
-    candidate.variant.iter().map(|(name, text)| Parameter {
-        name: (*name).to_owned(),
-        text: Some(text.clone()),
-        ..Parameter::default()
-    })
-}
-
-/// Least and largest value of a non-linear parameter.
-fn bounds(candidate: &Candidate, case: &Case<'_>, axis: usize) -> (f64, f64) {
-    let length_s = case.time_s.last().copied().unwrap_or(1.0);
-    match &candidate.search {
-        Search::Grid { parameters, .. } => parameters.get(axis).map_or((0.0, 0.0), |parameter| {
-            let first = parameter.grid.first().copied().unwrap_or_default();
-            (first, parameter.grid.last().copied().unwrap_or(first))
-        }),
-        Search::Frequency => (0.0, 0.5 / case.model.step_s),
-        _ => (0.0, length_s),
-    }
-}
-
-/// Standard deviation of a parameter from where its profile has fallen by 4.5 nats, the wider side's.
-fn width(
-    candidate: &Candidate,
-    case: &Case<'_>,
-    at: &[f64],
-    axis: usize,
-    fall: impl Fn(&[f64]) -> f64,
-) -> f64 {
-    let (low, high) = bounds(candidate, case, axis);
-    let length_s = case.time_s.last().copied().unwrap_or(1.0).max(f64::MIN_POSITIVE);
-    let smallest = match &candidate.search {
-        Search::Onset(_) => case.model.step_s,
-        Search::Frequency => 1e-3 / length_s,
-        _ => 1e-3 * at[axis].abs().max(1e-3 * (high - low)),
-    };
-    let mut widest = 0.0_f64;
-    for side in [-1.0, 1.0] {
-        let room = if side > 0.0 { high - at[axis] } else { at[axis] - low };
-        let fallen = |distance: f64| {
-            let mut moved = at.to_vec();
-            moved[axis] += side * distance;
-            fall(&moved)
-        };
-        widest = widest.max(distance_of_fall(smallest, room, fallen));
-    }
-    (widest / 3.0).max(match candidate.search {
-        Search::Onset(_) => 0.5 * case.model.step_s,
-        _ => 0.0,
-    })
-}
-
-/// Distance at which a profile has fallen by 4.5 nats, from the smallest that is tried up to the end of the range.
-fn distance_of_fall(smallest: f64, room: f64, fall: impl Fn(f64) -> f64) -> f64 {
-    let mut distance = smallest;
-    let mut inside = 0.0_f64;
-    for _ in 0..GROWTHS {
-        if distance >= room {
-            // The range ends before the profile has fallen.
-            return inside.max(room);
-        }
-        let fallen = fall(distance);
-        if fallen >= THREE_SIGMA_NATS {
-            // Between the last two distances the fall grows as a square.
-            return inside.max(distance * (THREE_SIGMA_NATS / fallen).sqrt());
-        }
-        inside = distance;
-        distance *= GROWTH;
-    }
-    inside
-}
-
 /// An information matrix with the curvatures of `cost` along its axes, and its own correlations.
 fn with_own_curvatures(
     mut information: DMatrix<f64>,
@@ -337,7 +248,6 @@ pub fn of_change(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter>
         case.sigmas
             .get_or((bench.key(index), free.clone()), || sigmas_of_logs(observations, &bench.noises, &free))
     });
-    let in_si = source.unit.in_si();
     let mut parameters: Vec<Parameter> = Vec::new();
     let step = state.noises[change.source].step.filter(|_| change.knobs.contains(&Knob::StepRatio));
     if let Some(VarianceStep { rows: RowsOfLevel::Above { quantity, value }, .. }) = step
@@ -375,32 +285,11 @@ pub fn of_change(case: &Case<'_>, state: &State, place: usize) -> Vec<Parameter>
             ..Parameter::default()
         });
     }
-    // The levels of Markov parts that an exponential-cosine takes the place of are among the changes of the noise.
-    let replaced = |knob: &&Knob| {
-        change.change == NoiseChange::ExponentialCosine && matches!(knob, Knob::MarkovSigma(_))
-    };
-    for &knob in change.knobs.iter().filter(|knob| !replaced(knob)) {
+    for &knob in change.knobs.iter().filter(|knob| !is_replaced(change.change, **knob)) {
         let value = state.noises[change.source].get(knob);
-        // Where the case says nothing of the noise its white level is an estimate, and a change at a time is never stated.
-        let is_estimate = source.unknown && knob == Knob::White;
-        let is_stated = !is_estimate && knob != Knob::StepRatio && source.nominal.has_shape(knob);
-        let stated = Some(source.nominal.get(knob)).filter(|stated| is_stated && *stated > 0.0);
         let place = free.iter().position(|&other| other == (change.source, knob));
         let relative = place.zip(sigmas.as_ref()).map(|(place, sigmas)| sigmas[place]);
-        let scale = if knob.in_sensor_unit() { in_si.recip() } else { 1.0 };
-        let unit = if knob.in_sensor_unit() {
-            format!("{}{}", source.unit.name(), knob.unit())
-        } else {
-            knob.unit().to_owned()
-        };
-        parameters.push(Parameter {
-            name: knob.name().0.to_owned(),
-            value: Some(value * scale),
-            sigma: relative.map(|relative| relative * value * scale),
-            unit: Some(unit),
-            stated: stated.map(|stated| stated * scale),
-            ..Parameter::default()
-        });
+        parameters.push(of_knob(source, knob, value, relative));
     }
     parameters.extend(texts(candidate));
     parameters

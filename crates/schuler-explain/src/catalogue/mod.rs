@@ -101,6 +101,15 @@ pub const SETUP: &[&Effect] = &[
     &setup::REFERENCE_NOISE,
 ];
 
+/// Effects that readings show of themselves.
+pub const OF_READINGS: &[Effect] = &[
+    failures::OUTPUT_STUCK,
+    failures::OUTPUT_SATURATED,
+    failures::QUANTISATION,
+    failures::INTERMITTENT_JUMP,
+    noise::NOISE_OUTLIERS,
+];
+
 /// Every effect known.
 pub const CATALOGUE: &[Effect] = &[
     additive::BIAS_CONSTANT,

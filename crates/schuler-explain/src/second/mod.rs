@@ -21,11 +21,10 @@ pub mod search;
 use answer::told;
 use config::Config;
 use problem::prepared::prepared;
-use problem::{Problem, catalogued, searchable, within_delays};
+use problem::{Problem, candidates, within_delays};
 use schuler_recording::Recording;
 use search::searched;
 
-use crate::catalogue::Candidate;
 use crate::evidence::CaseArrays;
 use crate::explain::{Error, as_explained, long_enough, unless_cancelled};
 use crate::explanation::Explanation;
@@ -56,33 +55,10 @@ pub fn explain_watched(
     let inputs = Inputs::new(&recording);
     unless_cancelled(watch)?;
     watch.progress(Phase::Prepare, 0.3);
-    explained(&inputs, None, config, watch)
-}
-
-/// Explains a recording by given candidates.
-///
-/// # Errors
-/// As [`explain`].
-pub fn explain_with(
-    inputs: &Inputs<'_>,
-    candidates: Vec<Candidate>,
-    config: &Config,
-) -> Result<Explanation, Error> {
-    long_enough(inputs.recording)?;
-    explained(inputs, Some(candidates), config, &Unwatched).map(|(explanation, _)| explanation)
-}
-
-/// The stages one after the other; without `given` candidates those of the whole catalogue.
-fn explained(
-    inputs: &Inputs<'_>,
-    given: Option<Vec<Candidate>>,
-    config: &Config,
-    watch: &dyn Watch,
-) -> Result<(Explanation, CaseArrays), Error> {
-    let mut prepared = prepared(inputs, config)?;
-    let candidates = searchable(given.unwrap_or_else(|| catalogued(inputs)), &prepared);
+    let mut prepared = prepared(&inputs, config)?;
+    let candidates = candidates(&inputs, &prepared);
     let model = within_delays(&prepared.model, &candidates);
-    let problem = Problem::new(inputs, &model, candidates, config, watch);
+    let problem = Problem::new(&inputs, &model, candidates, config, watch);
     unless_cancelled(watch)?;
     watch.progress(Phase::Search, 0.0);
     let searched = searched(&problem, &prepared.unstated)?;

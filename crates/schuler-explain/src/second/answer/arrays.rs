@@ -17,26 +17,26 @@ use crate::second::exact::{BlockRows, OverRows, added};
 /// The arrays of a case described with nothing but its noise, `before`, and with the findings, `after`.
 pub fn arrays(before: &OverRows<'_>, after: &OverRows<'_>, findings: &[Finding]) -> CaseArrays {
     let model = after.bench.problem.model;
-    let places = findings_of(after, findings);
-    let blocks = model.blocks.iter().zip(before.blocks.iter().zip(&after.blocks));
-    let of_block = |(block, rows): (&Block, (&Option<BlockRows>, &Option<BlockRows>))| {
-        arrays_of_block(after, block, rows, &places)
-    };
+    let terms = after.description.placed.iter().map(|placed| &placed.term);
+    let places = findings_of(model, &after.bench.problem.candidates, terms, findings);
+    let of_block = |index: usize| arrays_of_block(before, after, index, &places);
     CaseArrays {
         time_s: model.time_s.clone(),
         step_s: model.step_s,
-        held_out_s: held_out_s(model, after.description),
-        sensors: blocks.flat_map(of_block).collect(),
+        held_out_s: held_out_s(model, &after.description.noises),
+        sensors: (0..model.blocks.len()).flat_map(of_block).collect(),
     }
 }
 
 fn arrays_of_block(
+    before: &OverRows<'_>,
     after: &OverRows<'_>,
-    block: &Block,
-    (rows_before, rows_after): (&Option<BlockRows>, &Option<BlockRows>),
+    index: usize,
     places: &[Option<usize>],
 ) -> Vec<SensorArrays> {
     let problem = after.bench.problem;
+    let block = &problem.model.blocks[index];
+    let (rows_before, rows_after) = (&before.blocks[index], &after.blocks[index]);
     let Some(source) = block.sources.first().and_then(|source| problem.model.sources.get(*source)) else {
         return Vec::new();
     };
@@ -59,7 +59,7 @@ fn arrays_of_block(
         let parts = parts.iter().map(|(finding, values, term)| Part {
             finding: *finding,
             values: of_channel(values, channel),
-            cause: cause(after, &problem.candidates[term.candidate], term, source.unit),
+            cause: cause(&problem.candidates[term.candidate], term, source.unit, problem.time_s()),
         });
         let residual = rows_after.as_ref().map_or(&block.data, |rows| &rows.residual);
         SensorArrays {
@@ -75,14 +75,8 @@ fn arrays_of_block(
 }
 
 /// What an effect depends on, where a plot against it says something: the signature of one amplitude, or time.
-fn cause(rows: &OverRows<'_>, candidate: &Candidate, term: &Term, unit: Unit) -> Option<Cause> {
-    let time = || {
-        Some(Cause {
-            name: "time".to_owned(),
-            unit: "s".to_owned(),
-            values: rows.bench.problem.time_s().to_vec(),
-        })
-    };
+pub fn cause(candidate: &Candidate, term: &Term, unit: Unit, time_s: &[f64]) -> Option<Cause> {
+    let time = || Some(Cause { name: "time".to_owned(), unit: "s".to_owned(), values: time_s.to_vec() });
     // Within the loop a velocity does not follow its cause step by step, and a component of a parity vector sees several.
     if candidate.port != Port::Output {
         return None;
@@ -104,11 +98,16 @@ fn cause(rows: &OverRows<'_>, candidate: &Candidate, term: &Term, unit: Unit) ->
 }
 
 /// The place of each term among the findings: of the same effect at the same place the one that begins nearest.
-fn findings_of(rows: &OverRows<'_>, findings: &[Finding]) -> Vec<Option<usize>> {
+pub fn findings_of<'t>(
+    model: &Model,
+    candidates: &[Candidate],
+    terms: impl Iterator<Item = &'t Term>,
+    findings: &[Finding],
+) -> Vec<Option<usize>> {
     let mut free: Vec<usize> = (0..findings.len()).collect();
-    let mut place = |term: &Term| -> Option<usize> {
-        let candidate = rows.bench.problem.candidates.get(term.candidate)?;
-        let sensor = target_name(rows.bench.problem.model, candidate);
+    let place = |term: &Term| -> Option<usize> {
+        let candidate = candidates.get(term.candidate)?;
+        let sensor = target_name(model, candidate);
         let onset_s = match candidate.search {
             Search::Onset(_) => term.nonlinear.first().copied().unwrap_or_default(),
             _ => 0.0,
@@ -122,10 +121,11 @@ fn findings_of(rows: &OverRows<'_>, findings: &[Finding]) -> Vec<Option<usize>> 
         free.retain(|k| *k != nearest);
         Some(nearest)
     };
-    rows.description.placed.iter().map(|placed| place(&placed.term)).collect()
+    terms.map(place).collect()
 }
 
-fn name(model: &Model, block: &Block, channel: usize) -> String {
+/// Name of a channel of a block.
+pub fn name(model: &Model, block: &Block, channel: usize) -> String {
     let sources = block.sources.iter().filter_map(|source| model.sources.get(*source));
     let mut names: Vec<&str> = sources.map(|source| source.name.as_str()).collect();
     if block.sensors.len() == 1 {

@@ -1,7 +1,7 @@
 //! Findings in words and numbers.
 use super::parameters::parameters;
 use super::posterior::Posterior;
-use crate::catalogue::{CATALOGUE, Candidate, Effect, ReadingFault, Search, Target};
+use crate::catalogue::{Candidate, Effect, OF_READINGS, ReadingFault, Search, Target};
 use crate::description::{Term, nonlinear_names};
 use crate::equivalence::target_name;
 use crate::explanation::{Evidence, Finding, Parameter, Remainder, Rival};
@@ -145,7 +145,7 @@ pub fn of_readings(rows: &OverRows<'_>, prepared: &mut Prepared) -> Vec<Finding>
 fn of_fault(rows: &OverRows<'_>, fault: &Fault) -> Option<Finding> {
     let (problem, model) = (rows.bench.problem, rows.bench.problem.model);
     let is_it = |search: &Search| matches!(search, Search::Readings(found) if *found == fault.fault);
-    let candidate = (CATALOGUE.iter())
+    let candidate = (OF_READINGS.iter())
         .flat_map(|effect: &'static Effect| (effect.candidates)(effect, problem.inputs))
         .find(|it| is_it(&it.search) && it.target == Target::Sensor(fault.sensor))?;
     let series = problem.inputs.recording.sensors.get(fault.sensor)?;
@@ -174,7 +174,7 @@ fn of_fault(rows: &OverRows<'_>, fault: &Fault) -> Option<Finding> {
     let first = present.next();
     if fault.fault == ReadingFault::Stuck && present.all(|value| Some(value) == first) {
         let coarse = |effect: &&Effect| effect.is_coarse_output();
-        class.extend(CATALOGUE.iter().find(coarse).map(|effect| effect.id.to_owned()));
+        class.extend(OF_READINGS.iter().find(coarse).map(|effect| effect.id.to_owned()));
     }
     let ln_odds = fault.evidence + problem.config.ln_odds_of_faults;
     Some(Finding {

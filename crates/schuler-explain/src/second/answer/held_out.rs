@@ -9,11 +9,12 @@ use rayon::prelude::*;
 use super::polish::polished;
 use crate::explanation::{BeforeAfter, Fit, Goodness};
 use crate::noise::Noise;
-use crate::nominal::Model;
+use crate::nominal::{Block, Model};
 use crate::second::evidence::fit::{Bench, Description};
 use crate::second::exact::OverRows;
 use crate::second::search::library::whitened_again;
 use crate::statistics::ljung_box;
+use crate::whiten::Filter;
 
 /// Blocks of time, and which of each three is held out.
 const BLOCKS: usize = 10;
@@ -28,9 +29,12 @@ const LAGS: usize = 20;
 
 /// Part that a row plays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Part {
+pub enum Part {
+    /// It is fitted.
     Train,
+    /// It keeps what is fitted apart from what is held out.
     Gap,
+    /// It is predicted.
     HeldOut,
 }
 
@@ -52,13 +56,13 @@ fn parts(rows: usize, gap: usize) -> Vec<Part> {
 }
 
 /// The blocks held out, each to the end of its last step, s from the start of the recording.
-pub fn held_out_s(model: &Model, description: &Description) -> Vec<[f64; 2]> {
-    let of_rows = stretches(model, &parts_of(model, description), Part::HeldOut);
+pub fn held_out_s(model: &Model, noises: &[Noise]) -> Vec<[f64; 2]> {
+    let of_rows = stretches(model, &parts_of(model, noises), Part::HeldOut);
     of_rows.into_iter().map(|[from, to]| [from, to + model.step_s]).collect()
 }
 
 /// The stretches of a part, from the first row to the last, s from the start of the recording.
-fn stretches(model: &Model, parts: &[Part], part: Part) -> Vec<[f64; 2]> {
+pub fn stretches(model: &Model, parts: &[Part], part: Part) -> Vec<[f64; 2]> {
     let mut row = 0;
     let mut blocks = Vec::new();
     for block in parts.chunk_by(|a, b| a == b) {
@@ -73,15 +77,16 @@ fn stretches(model: &Model, parts: &[Part], part: Part) -> Vec<[f64; 2]> {
     blocks
 }
 
-fn parts_of(model: &Model, description: &Description) -> Vec<Part> {
-    let longest_s = description.noises.iter().map(Noise::correlation_time_s).fold(0.0, f64::max);
+/// The part of each row, under noises whose correlation the gaps leave behind.
+pub fn parts_of(model: &Model, noises: &[Noise]) -> Vec<Part> {
+    let longest_s = noises.iter().map(Noise::correlation_time_s).fold(0.0, f64::max);
     parts(model.rows, (longest_s / model.step_s).min(1e9) as usize)
 }
 
 /// Goodness of fit of one description against another, both fitted to a part of the record.
 pub fn hold_out(whole: &Bench<'_>, before: &Description, after: &Description) -> Fit {
     let model = whole.problem.model;
-    let parts = parts_of(model, after);
+    let parts = parts_of(model, &after.noises);
     let train = model.without_rows(|_, row| parts[row] != Part::Train);
     let problem = whole.problem.of_model(&train);
     let judged: Vec<[(Goodness, usize); 2]> = [before, after]
@@ -117,30 +122,48 @@ fn judge(
     for (block, over_rows) in model.blocks.iter().zip(&rows.blocks) {
         let Some(over_rows) = over_rows else { continue };
         let reference = block.filter(&nominal);
-        let (rows, channels) = (block.rows(), block.channels);
+        let judged = Judged { block, filter: &over_rows.filter, reference: reference.as_ref() };
+        judged.add_to(&mut sums, &over_rows.innovations, parts);
+    }
+    sums.map(Sums::goodness_and_count)
+}
+
+/// A block under the filter that predicts it, and under that of the nominal noise.
+pub struct Judged<'j> {
+    /// The block.
+    pub block: &'j Block,
+    /// The filter that predicts it.
+    pub filter: &'j Filter,
+    /// That of the nominal noise, if there is one.
+    pub reference: Option<&'j Filter>,
+}
+
+impl Judged<'_> {
+    /// Adds whitened innovations to the sums of the rows trained on and of those held out.
+    pub fn add_to(&self, sums: &mut [Sums; 2], whitened: &[f64], parts: &[Part]) {
+        let (rows, channels) = (self.block.rows(), self.block.channels);
         let mut series = [vec![f64::NAN; rows], vec![f64::NAN; rows]];
         for (row, part) in parts.iter().enumerate() {
-            let Some((_, whitening)) = over_rows.filter.gain_and_whitening(row) else { continue };
+            let Some((_, whitening)) = self.filter.gain_and_whitening(row) else { continue };
             let place = match part {
                 Part::Train => 0,
                 Part::HeldOut => 1,
                 Part::Gap => continue,
             };
-            let expected = reference.as_ref().and_then(|filter| filter.gain_and_whitening(row));
-            let innovations: Vec<f64> =
-                (0..channels).map(|channel| over_rows.innovations[channel * rows + row]).collect();
+            let expected = self.reference.and_then(|filter| filter.gain_and_whitening(row));
+            let innovations: Vec<f64> = (0..channels).map(|channel| whitened[channel * rows + row]).collect();
             sums[place].add(&innovations, whitening, expected.map(|(_, expected)| expected));
-            series[place][row] = over_rows.innovations[row];
+            series[place][row] = whitened[row];
         }
         for (sums, series) in sums.iter_mut().zip(&series) {
             sums.whiteness.push(ljung_box(series, LAGS));
         }
     }
-    sums.map(|sums| (sums.goodness(), sums.count as usize))
 }
 
+/// Sums over the rows of a part.
 #[derive(Default)]
-struct Sums {
+pub struct Sums {
     nll: f64,
     squares: f64,
     errors: f64,
@@ -166,6 +189,11 @@ impl Sums {
                 self.errors += standard * standard;
             }
         }
+    }
+
+    /// Goodness of fit, and the number of samples.
+    pub fn goodness_and_count(self) -> (Goodness, usize) {
+        (self.goodness(), self.count as usize)
     }
 
     fn goodness(&self) -> Goodness {

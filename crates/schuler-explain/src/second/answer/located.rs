@@ -219,7 +219,7 @@ fn results_of_noises(rows: &OverRows<'_>) -> Vec<Result> {
 }
 
 /// A frequency as people say it: a slow one by its period.
-fn frequency_text(hertz: f64) -> String {
+pub fn frequency_text(hertz: f64) -> String {
     let hours = (3600.0 * hertz).recip();
     match hertz {
         1e-3.. => format!("{hertz:.4} Hz"),
@@ -228,12 +228,13 @@ fn frequency_text(hertz: f64) -> String {
     }
 }
 
-fn two_tailed(sum: f64, freedom: f64) -> f64 {
+/// p-value of a sum of squares of standard normals being so small or so large.
+pub fn two_tailed(sum: f64, freedom: f64) -> f64 {
     ChiSquared::new(freedom).map_or(1.0, |chi| 2.0 * chi.cdf(sum).min(chi.sf(sum)))
 }
 
 /// p-value of the largest cumulative sum about its line, and where it is.
-fn largest_sum(series: &[f64]) -> (f64, usize) {
+pub fn largest_sum(series: &[f64]) -> (f64, usize) {
     let count = series.iter().filter(|value| value.is_finite()).count() as f64;
     let total: f64 = series.iter().filter(|value| value.is_finite()).sum();
     if count < 1.0 {
@@ -260,16 +261,17 @@ fn largest_sum(series: &[f64]) -> (f64, usize) {
 }
 
 /// A condition in bins of equal number.
-struct Binned {
+pub struct Binned {
     /// Its place among the conditions.
-    place: usize,
-    name: String,
+    pub place: usize,
+    /// Its name.
+    pub name: String,
     /// The bin of each row; `None` where there is no value.
-    bins: Vec<Option<u8>>,
+    pub bins: Vec<Option<u8>>,
 }
 
 /// The bins of a condition's values; `None` where they take too few values.
-fn bins(values: &[f64]) -> Option<Vec<Option<u8>>> {
+pub fn bins(values: &[f64]) -> Option<Vec<Option<u8>>> {
     let mut sorted: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
     let number = sorted.len();
     if number < BINS {
@@ -295,7 +297,7 @@ fn bins(values: &[f64]) -> Option<Vec<Option<u8>>> {
 }
 
 /// p-value of the means in the bins of a condition, with the least and the largest mean in standard deviations.
-fn conditional(block: &Block, e: &[f64], bins: &[Option<u8>]) -> Option<(f64, f64, f64)> {
+pub fn conditional(block: &Block, e: &[f64], bins: &[Option<u8>]) -> Option<(f64, f64, f64)> {
     let mut sums = [(0.0, 0.0); BINS];
     for ((bin, e), _) in bins.iter().zip(e).zip(&block.present).filter(|(_, present)| **present) {
         if let Some(bin) = bin {

@@ -5,12 +5,12 @@
 //! the likelihood, profiled over the amplitudes, has fallen by what three standard deviations mean.
 use nalgebra::{DMatrix, DVector};
 
-use crate::catalogue::{Candidate, NoiseChange, OnsetShape, Search};
+use crate::catalogue::{Candidate, Column, NoiseChange, OnsetShape, Search};
 use crate::description::{Term, nonlinear_names};
 use crate::explanation::{Parameter, is_plausible};
 use crate::jump::mean_stays;
 use crate::noise::{Knob, RowsOfLevel, VarianceStep};
-use crate::nominal::Model;
+use crate::nominal::{Model, Source};
 use crate::second::evidence::fit::{Bench, Change, Description};
 use crate::second::evidence::regressor::regressors;
 use crate::second::evidence::system::Described;
@@ -20,7 +20,7 @@ use crate::second::search::levels::{LevelSpread, spread_of_level};
 use crate::second::search::moves::Item;
 
 /// Fall of the log-likelihood at three standard deviations.
-const THREE_SIGMA_NATS: f64 = 4.5;
+pub const THREE_SIGMA_NATS: f64 = 4.5;
 /// Steps by which the search for that fall grows, and how often.
 const GROWTH: f64 = 1.6;
 const GROWTHS: usize = 40;
@@ -69,9 +69,12 @@ impl<'p> Profile<'p> {
 
     /// At given values of the non-linear parameters; none where the rest describes it.
     pub fn at(&self, point: &[f64]) -> Option<Told> {
-        let (bench, problem) = (self.beside.bench, self.beside.bench.problem);
-        let columns = columns_beside(self.beside, self.candidate, point);
-        let whitened = regressors(problem.model, &bench.sums, &columns, self.candidate.port);
+        self.of_columns(&columns_beside(self.beside, self.candidate, point))
+    }
+
+    fn of_columns(&self, columns: &[Column]) -> Option<Told> {
+        let bench = self.beside.bench;
+        let whitened = regressors(bench.problem.model, &bench.sums, columns, self.candidate.port);
         let number = whitened.len();
         let normal = self.beside.normal(&self.described, &whitened)?;
         if self.is_unit {
@@ -106,10 +109,10 @@ pub fn without_effect(description: &Description, place: usize) -> Description {
 fn of_effect(bench: &Bench<'_>, description: &Description, place: usize) -> Vec<Parameter> {
     let term = &description.placed[place].term;
     let (candidate, model) = (&bench.problem.candidates[term.candidate], bench.problem.model);
-    let rest = without_effect(description, place);
     let mut parameters = if candidate.effect.is_a_delay() {
         of_delay(bench, description, place)
     } else {
+        let rest = without_effect(description, place);
         Beside::as_trusted(bench, &rest)
             .and_then(|beside| numbers(&Profile::new(&beside, term), model, term))
             .unwrap_or_default()
@@ -128,7 +131,7 @@ fn of_delay(bench: &Bench<'_>, description: &Description, place: usize) -> Vec<P
     let parameter = |(axis, (name, unit)): (usize, (&str, &str))| Parameter {
         name: name.to_owned(),
         value: Some(term.nonlinear[axis]),
-        sigma: Some(width(candidate, model, (&term.nonlinear, bounds(candidate, model, axis), axis), &fall)),
+        sigma: Some(width(candidate, model, &term.nonlinear, axis, &fall)),
         unit: Some(unit.to_owned()),
         ..Parameter::default()
     };
@@ -138,7 +141,9 @@ fn of_delay(bench: &Bench<'_>, description: &Description, place: usize) -> Vec<P
 /// Amplitudes and non-linear parameters.
 fn numbers(profile: &Profile<'_>, model: &Model, term: &Term) -> Option<Vec<Parameter>> {
     let candidate = profile.candidate;
-    let told = if candidate.is_jump() { of_columns(profile, term)? } else { profile.at(&term.nonlinear)? };
+    // The columns of a history of jumps do not follow from parameters.
+    let told =
+        if candidate.is_jump() { profile.of_columns(&term.columns)? } else { profile.at(&term.nonlinear)? };
     let spread = Spread::new(profile, model, term, told.gain);
     let mut covariance = told.covariance;
     if !covariance.is_empty() {
@@ -171,16 +176,6 @@ fn numbers(profile: &Profile<'_>, model: &Model, term: &Term) -> Option<Vec<Para
     Some(all)
 }
 
-/// What is told of a term whose columns do not follow from its parameters: a history of jumps.
-fn of_columns(profile: &Profile<'_>, term: &Term) -> Option<Told> {
-    let bench = profile.beside.bench;
-    let whitened = regressors(bench.problem.model, &bench.sums, &term.columns, term.port);
-    let normal = profile.beside.normal(&profile.described, &whitened)?;
-    let amplitudes = normal.amplitudes()?;
-    let gain = 0.5 * amplitudes.dot(&normal.scores);
-    Some(Told { gain, amplitudes, covariance: normal.covariance()? })
-}
-
 /// What the data leave open of the non-linear parameters of a term.
 struct Spread {
     widths: Vec<f64>,
@@ -195,9 +190,8 @@ impl Spread {
         let (candidate, size) = (profile.candidate, term.nonlinear.len());
         let bounds: Vec<[f64; 2]> = (0..size).map(|axis| bounds(candidate, model, axis)).collect();
         let fall = |point: &[f64]| gain - profile.gain(point);
-        let widths: Vec<f64> = (0..size)
-            .map(|axis| width(candidate, model, (&term.nonlinear, bounds[axis], axis), &fall))
-            .collect();
+        let widths: Vec<f64> =
+            (0..size).map(|axis| width(candidate, model, &term.nonlinear, axis, &fall)).collect();
         // Of a drift over the whole record the onset is the beginning.
         let is_whole = matches!(candidate.search, Search::Onset(OnsetShape::Ramp)) && term.nonlinear == [0.0];
         let is_smooth = !matches!(candidate.search, Search::Onset(OnsetShape::Step)) && !is_whole;
@@ -276,13 +270,15 @@ pub fn bounds(candidate: &Candidate, model: &Model, axis: usize) -> [f64; 2] {
     }
 }
 
-/// Standard deviation of a parameter from where its profile has fallen by 4.5 nats, the wider side's.
-fn width(
+/// Standard deviation of the parameter of an axis from where its profile has fallen by 4.5 nats, the wider side's.
+pub fn width(
     candidate: &Candidate,
     model: &Model,
-    (at, [low, high], axis): (&[f64], [f64; 2], usize),
+    at: &[f64],
+    axis: usize,
     fall: &dyn Fn(&[f64]) -> f64,
 ) -> f64 {
+    let [low, high] = bounds(candidate, model, axis);
     let length_s = model.time_s.last().copied().unwrap_or(1.0).max(f64::MIN_POSITIVE);
     let smallest = match &candidate.search {
         Search::Onset(_) => model.step_s,
@@ -303,7 +299,7 @@ fn width(
 }
 
 /// Distance at which a profile has fallen by 4.5 nats, from the smallest that is tried up to the end of the range.
-fn distance_of_fall(smallest: f64, room: f64, fall: impl Fn(f64) -> f64) -> f64 {
+pub fn distance_of_fall(smallest: f64, room: f64, fall: impl Fn(f64) -> f64) -> f64 {
     let mut distance = smallest;
     let mut inside = 0.0_f64;
     for _ in 0..GROWTHS {
@@ -323,7 +319,7 @@ fn distance_of_fall(smallest: f64, room: f64, fall: impl Fn(f64) -> f64) -> f64 
 }
 
 /// How long a mean that jumps stays on and off.
-fn of_stays(candidate: &Candidate, term: &Term, step_s: f64) -> Vec<Parameter> {
+pub fn of_stays(candidate: &Candidate, term: &Term, step_s: f64) -> Vec<Parameter> {
     if !candidate.is_jump() {
         return Vec::new();
     }
@@ -337,7 +333,8 @@ fn of_stays(candidate: &Candidate, term: &Term, step_s: f64) -> Vec<Parameter> {
     stays.to_vec()
 }
 
-fn texts(candidate: &Candidate) -> impl Iterator<Item = Parameter> + '_ {
+/// The words that say which of several it is.
+pub fn texts(candidate: &Candidate) -> impl Iterator<Item = Parameter> + '_ {
     candidate.variant.iter().map(|(name, text)| Parameter {
         name: (*name).to_owned(),
         text: Some(text.clone()),
@@ -350,44 +347,49 @@ fn of_change(bench: &Bench<'_>, description: &Description, change: &Change) -> V
     let problem = bench.problem;
     let source = &problem.model.sources[change.source];
     let Some(index) = problem.model.block_of_source(change.source) else { return Vec::new() };
-    let (in_si, noise) = (source.unit.in_si(), &description.noises[change.source]);
+    let noise = &description.noises[change.source];
     let step = noise.step.filter(|_| change.is_level());
     let spread = step.and_then(|step| spread_of_level(bench, description, index, step));
     let mut parameters: Vec<Parameter> =
         step.and_then(|step| where_level_is(bench, index, step, spread.as_ref())).into_iter().collect();
     let sigmas = description.blocks[index].as_ref().map(|fit| fit.sigmas.as_slice()).unwrap_or_default();
-    // The levels of Markov parts that an exponential-cosine takes the place of are among the changes of the noise.
-    let replaced = |knob: &&Knob| {
-        change.change == NoiseChange::ExponentialCosine && matches!(knob, Knob::MarkovSigma(_))
-    };
-    for &knob in change.knobs.iter().filter(|knob| !replaced(knob)) {
-        let value = noise.get(knob);
-        // Where the case says nothing of the noise its white level is an estimate, and a change at a time is never stated.
-        let is_estimate = source.unknown && knob == Knob::White;
-        let is_stated = !is_estimate && knob != Knob::StepRatio && source.nominal.has_shape(knob);
-        let stated = Some(source.nominal.get(knob)).filter(|stated| is_stated && *stated > 0.0);
+    for &knob in change.knobs.iter().filter(|knob| !is_replaced(change.change, **knob)) {
         let relative = if knob == Knob::StepRatio {
             spread.as_ref().map(|spread| spread.of_ln_ratio)
         } else {
             sigmas.iter().find(|(of, _)| *of == (change.source, knob)).map(|(_, sigma)| *sigma)
         };
-        let scale = if knob.in_sensor_unit() { in_si.recip() } else { 1.0 };
-        let unit = if knob.in_sensor_unit() {
-            format!("{}{}", source.unit.name(), knob.unit())
-        } else {
-            knob.unit().to_owned()
-        };
-        parameters.push(Parameter {
-            name: knob.name().0.to_owned(),
-            value: Some(value * scale),
-            sigma: relative.map(|relative| relative * value * scale),
-            unit: Some(unit),
-            stated: stated.map(|stated| stated * scale),
-            ..Parameter::default()
-        });
+        parameters.push(of_knob(source, knob, noise.get(knob), relative));
     }
     parameters.extend(texts(&problem.candidates[change.candidate]));
     parameters
+}
+
+/// Whether a parameter is the level of a Markov part that an exponential-cosine takes the place of.
+pub fn is_replaced(change: NoiseChange, knob: Knob) -> bool {
+    change == NoiseChange::ExponentialCosine && matches!(knob, Knob::MarkovSigma(_))
+}
+
+/// A parameter of the noise of a source, whose standard deviation is a part `relative` of it, beside what the case states.
+pub fn of_knob(source: &Source, knob: Knob, value: f64, relative: Option<f64>) -> Parameter {
+    // Where the case says nothing of the noise its white level is an estimate, and a change at a time is never stated.
+    let is_estimate = source.unknown && knob == Knob::White;
+    let is_stated = !is_estimate && knob != Knob::StepRatio && source.nominal.has_shape(knob);
+    let stated = Some(source.nominal.get(knob)).filter(|stated| is_stated && *stated > 0.0);
+    let scale = if knob.in_sensor_unit() { source.unit.in_si().recip() } else { 1.0 };
+    let unit = if knob.in_sensor_unit() {
+        format!("{}{}", source.unit.name(), knob.unit())
+    } else {
+        knob.unit().to_owned()
+    };
+    Parameter {
+        name: knob.name().0.to_owned(),
+        value: Some(value * scale),
+        sigma: relative.map(|relative| relative * value * scale),
+        unit: Some(unit),
+        stated: stated.map(|stated| stated * scale),
+        ..Parameter::default()
+    }
 }
 
 /// Since when there is another level, or above what.

@@ -53,7 +53,7 @@ pub fn constancy(over_rows: &OverRows<'_>, index: usize, change: &Change) -> Opt
 }
 
 /// p-value of derivatives by each of some parameters, row by row, having the same mean all along.
-fn p_of_slopes(slopes: &[Vec<f64>]) -> Option<f64> {
+pub fn p_of_slopes(slopes: &[Vec<f64>]) -> Option<f64> {
     let (size, rows) = (slopes.len(), slopes.first()?.len());
     let at = |row: usize| DVector::from_fn(size, |i, _| slopes[i][row]);
     let mut total = DVector::zeros(size);

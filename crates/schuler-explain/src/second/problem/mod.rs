@@ -61,23 +61,18 @@ impl<'p> Problem<'p> {
     }
 }
 
-/// What the whole catalogue gives in a case, and what may be wrong in the case itself.
-pub fn catalogued(inputs: &Inputs<'_>) -> Vec<Candidate> {
+/// What the catalogue gives in a case, and what may be wrong in the case itself, as far as it reaches anything that is compared.
+pub fn candidates(inputs: &Inputs<'_>, prepared: &Prepared) -> Vec<Candidate> {
+    let (model, faults) = (&prepared.model, prepared.faults.found.as_slice());
     let of_effect = |effect: &'static Effect| {
         let mut candidates = (effect.candidates)(effect, inputs);
         share_equal_series(&mut candidates);
+        candidates.retain(|candidate| is_searched(model, candidate) && !is_spoilt(candidate, faults, model));
         candidates
     };
     let others = SETUP.iter().copied().chain([UNNAMED]);
     let all: Vec<&'static Effect> = CATALOGUE.iter().chain(others).collect();
     all.into_par_iter().flat_map_iter(of_effect).collect()
-}
-
-/// Those candidates that reach anything which is compared.
-pub fn searchable(mut candidates: Vec<Candidate>, prepared: &Prepared) -> Vec<Candidate> {
-    let (model, faults) = (&prepared.model, prepared.faults.found.as_slice());
-    candidates.retain(|candidate| is_searched(model, candidate) && !is_spoilt(candidate, faults, model));
-    candidates
 }
 
 /// The model without the rows of which a late instrument may read what was before the record, or an early one what comes after: the

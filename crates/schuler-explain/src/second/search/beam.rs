@@ -69,7 +69,7 @@ impl Kept {
             }
             for (base, among) in bases {
                 if self.extended.insert((structure(&base), among.clone())) {
-                    found.extend(with_one_more(bench, library, &self.parts, &base, (&among, best)));
+                    found.extend(with_one_more(bench, library, &self.parts, &base, &among, best));
                 }
             }
             self.take(found);

@@ -41,7 +41,10 @@ impl Known {
         blocks: &[usize],
         candidate: usize,
     ) -> bool {
-        let key = (state_of(bench, description, blocks), candidate);
+        self.loses(bench, (state_of(bench, description, blocks), candidate))
+    }
+
+    fn loses(&self, bench: &Bench<'_>, key: (u64, usize)) -> bool {
         let known = self.gains.lock().unwrap_or_else(PoisonError::into_inner).get(&key).copied();
         known.is_some_and(|gain| gain < bench.problem.config.least_promised)
     }
@@ -55,10 +58,10 @@ impl Known {
         candidate: usize,
         fit: impl FnOnce() -> Option<Description>,
     ) -> Option<Description> {
-        if self.is_hopeless(bench, description, blocks, candidate) {
+        let key = (state_of(bench, description, blocks), candidate);
+        if self.loses(bench, key) {
             return None;
         }
-        let key = (state_of(bench, description, blocks), candidate);
         let fitted = fit();
         let gain = fitted.as_ref().map_or(f64::NEG_INFINITY, |it| it.ln_evidence - description.ln_evidence);
         let mut gains = self.gains.lock().unwrap_or_else(PoisonError::into_inner);

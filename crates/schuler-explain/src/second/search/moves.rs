@@ -127,7 +127,8 @@ pub fn with_one_more(
     library: &[Shelf],
     known: &Known,
     description: &Description,
-    (among, best): (&[usize], f64),
+    among: &[usize],
+    best: f64,
 ) -> Vec<Description> {
     let behind = best - description.ln_evidence;
     let with_effect = |(candidate, placed): &(usize, Placed)| {
@@ -138,7 +139,7 @@ pub fn with_one_more(
             bench.fitted(&more, &touched)
         })
     };
-    let effects = effects(bench, library, known, description, (among, behind));
+    let effects = effects(bench, library, known, description, among, behind);
     let mut all: Vec<Description> = effects.par_iter().filter_map(with_effect).collect();
     let with_noise = |promised: &Promised| {
         let Promised { change, noises, block, .. } = promised;
@@ -161,7 +162,8 @@ fn effects(
     library: &[Shelf],
     known: &Known,
     description: &Description,
-    (among, behind): (&[usize], f64),
+    among: &[usize],
+    behind: f64,
 ) -> Vec<(usize, Placed)> {
     let config = bench.problem.config;
     let is_grid =

@@ -6,9 +6,9 @@ use schuler_recording::case::Markov;
 
 use super::beside::Beside;
 use super::moves::touched_by;
-use crate::catalogue::{Candidate, Column, NoiseChange, Port, Target};
+use crate::catalogue::{Candidate, NoiseChange, Port, Target};
 use crate::description::{Delays, Term};
-use crate::jump::Decoded;
+use crate::jump::{Decoded, Place, WORTH_TRYING, best_of_blocks};
 use crate::noise::Knob;
 use crate::second::evidence::fit::{Bench, Description, Placed};
 use crate::second::evidence::regressor::regressors;
@@ -18,98 +18,64 @@ use crate::second::exact::telegraph::history;
 use crate::second::noise::fit::{Observed, SourceKnob};
 use crate::second::noise::parts::starts;
 
-/// Gain of a further Markov part from which on jumps are sought.
-const WORTH_TRYING: f64 = 3.0;
-
 /// The descriptions that have a telegraph beside what is described, fitted.
 pub fn with_telegraph(bench: &Bench<'_>, description: &Description) -> Vec<Description> {
     let is_placed = |index: usize| description.placed.iter().any(|placed| placed.term.candidate == index);
-    let mut places: Vec<Place> = (bench.problem.candidates.par_iter().enumerate())
+    let places: Vec<Place> = (bench.problem.candidates.par_iter().enumerate())
         .filter(|(index, candidate)| candidate.is_jump() && !is_placed(*index))
-        .filter_map(|(index, candidate)| Place::new(bench, description, index, candidate))
+        .filter_map(|(index, candidate)| place(bench, description, index, candidate))
         .collect();
-    // A sensor of a redundant set is seen in the others, which have their turn when it is described.
-    places.sort_by(|a, b| a.block.cmp(&b.block).then(b.gain.total_cmp(&a.gain)));
-    places.dedup_by_key(|place| place.block);
+    let places = best_of_blocks(places);
     if places.is_empty() {
         return Vec::new();
     }
     let rows = OverRows::new(bench, description);
-    places.par_iter().filter_map(|place| place.described(&rows)).collect()
+    places.par_iter().filter_map(|place| described(&rows, place)).collect()
 }
 
-/// Where jumps are sought.
-struct Place {
-    candidate: usize,
-    sensor: usize,
-    block: usize,
-    /// A further Markov part, and what it gains.
-    part: Markov,
-    gain: f64,
+/// The place of a candidate, if jumps may be there.
+fn place(bench: &Bench<'_>, description: &Description, index: usize, candidate: &Candidate) -> Option<Place> {
+    let Target::Sensor(sensor) = candidate.target else { return None };
+    let model = bench.problem.model;
+    let block = model.block_of(sensor)?;
+    let source = model.source_of(sensor, Port::Output)?;
+    let (part, gain) = further_markov(bench, description, block, source)?;
+    // One that is gone before the next row is white noise.
+    let stays = part.tau_s >= model.step_s;
+    (gain >= WORTH_TRYING && stays).then_some(Place { candidate: index, sensor, block, part, gain })
 }
 
-impl Place {
-    /// The place of a candidate, if jumps may be there.
-    fn new(
-        bench: &Bench<'_>,
-        description: &Description,
-        index: usize,
-        candidate: &Candidate,
-    ) -> Option<Self> {
-        let Target::Sensor(sensor) = candidate.target else { return None };
-        let model = bench.problem.model;
-        let block = model.block_of(sensor)?;
-        let source = model.source_of(sensor, Port::Output)?;
-        let (part, gain) = further_markov(bench, description, block, source)?;
-        // One that is gone before the next row is white noise.
-        let stays = part.tau_s >= model.step_s;
-        (gain >= WORTH_TRYING && stays).then_some(Self { candidate: index, sensor, block, part, gain })
-    }
+/// The description with the likeliest history.
+fn described(rows: &OverRows<'_>, place: &Place) -> Option<Description> {
+    let (bench, description) = (rows.bench, rows.description);
+    let beside = Beside::as_trusted(bench, description)?;
+    let described = beside.described();
+    let whitened = |term: &Term| regressors(bench.problem.model, &bench.sums, &term.columns, term.port);
+    let amplitude_of = |history: &Decoded| {
+        Some(beside.normal(&described, &whitened(&place.term(&history.on)))?.amplitudes()?[0])
+    };
+    let best = history(rows, place, &amplitude_of)?;
+    // A history that is given gains more than all histories together; it costs the difference under whatever noise.
+    let of_history = best.gain_of_history(rows, place)?;
+    let ln_spread = (best.gain - of_history).min(0.0) + ln_cost_of_rates(bench, &best);
+    let term = place.term(&best.on);
+    let regressors = Arc::new(whitened(&term));
+    let placed = Placed { term, regressors, ln_spread, delays: Delays::default() };
+    let touched = touched_by(&placed);
+    let mut more = description.clone();
+    more.placed.push(placed);
+    bench.fitted(&more, &touched)
+}
 
-    fn term(&self, history: &Decoded) -> Term {
-        Term {
-            candidate: self.candidate,
-            nonlinear: Vec::new(),
-            columns: Arc::new(vec![Column::on(self.sensor, history.values())]),
-            port: Port::Output,
-            unit_amplitude: false,
-            of_the_motion: false,
-            delay_s: None,
-        }
-    }
-
-    /// The description with the likeliest history.
-    fn described(&self, rows: &OverRows<'_>) -> Option<Description> {
-        let (bench, description) = (rows.bench, rows.description);
-        let beside = Beside::as_trusted(bench, description)?;
-        let described = beside.described();
-        let whitened = |term: &Term| regressors(bench.problem.model, &bench.sums, &term.columns, term.port);
-        let amplitude_of = |history: &Decoded| {
-            Some(beside.normal(&described, &whitened(&self.term(history)))?.amplitudes()?[0])
-        };
-        let best = history(rows, (self.block, self.sensor), self.part, &amplitude_of)?;
-        // A history that is given gains more than all histories together; it costs the difference under whatever noise.
-        let of_history = best.gain_of_history(rows, self.block, self.sensor)?;
-        let ln_spread = (best.gain - of_history).min(0.0) + Self::ln_cost_of_rates(bench, &best);
-        let term = self.term(&best);
-        let regressors = Arc::new(whitened(&term));
-        let placed = Placed { term, regressors, ln_spread, delays: Delays::default() };
-        let touched = touched_by(&placed);
-        let mut more = description.clone();
-        more.placed.push(placed);
-        bench.fitted(&more, &touched)
-    }
-
-    /// What the rates cost: each is known to a part 1/√n by its switchings, and before them it may be anything from once in the record to
-    /// once a row.
-    fn ln_cost_of_rates(bench: &Bench<'_>, history: &Decoded) -> f64 {
-        let range = (bench.problem.model.rows as f64).ln();
-        let of = |number: usize| {
-            let known = (2.0 * std::f64::consts::PI / (number as f64).max(1.0)).sqrt();
-            (known / range).ln().min(0.0)
-        };
-        history.switchings().into_iter().map(of).sum()
-    }
+/// What the rates cost: each is known to a part 1/√n by its switchings, and before them it may be anything from once in the record to
+/// once a row.
+fn ln_cost_of_rates(bench: &Bench<'_>, history: &Decoded) -> f64 {
+    let range = (bench.problem.model.rows as f64).ln();
+    let of = |number: usize| {
+        let known = (2.0 * std::f64::consts::PI / (number as f64).max(1.0)).sqrt();
+        (known / range).ln().min(0.0)
+    };
+    history.switchings().into_iter().map(of).sum()
 }
 
 /// The Markov part that fits best beside the noise of a source, and what it gains.
