@@ -6,22 +6,31 @@
 instances, is written here and read back by pymavlink, which has no writer. `imu.tlog` is written by pymavlink: attitudes in version 2 of
 MAVLink, readings of an IMU in version 1 (x in thousandths), and heartbeats of two senders. `fields.npy` is a structured array with a `datetime64`,
 `arrays.npz` two arrays, deflated, and `two.npz` the same, stored, with one of big-endian integers in Fortran's order;
-`packed.mat` and `plain.mat` are the same with a structure, written by SciPy for MATLAB 5, compressed or not. They stand in
-crates/schuler-recording/tests/samples. It needs numpy, scipy, lz4, rosbags (0.11.9) and pymavlink (2.4.50).
+`packed.mat` and `plain.mat` are the same with a structure, written by SciPy for MATLAB 5, compressed or not. `matlab73.mat` is the same,
+written by hdf5storage for MATLAB 7.3, `arrays.h5` by h5py: in chunks, deflated, with a group, records and text. `described.db3` is a ROS 2 bag in
+SQLite, written by rosbags, of 40 rows and as many messages of a kind of its own; `undescribed.db3` is the same without
+the definitions, as before ROS 2 Iron. They stand in crates/schuler-recording/tests/samples. It needs numpy, scipy, lz4, rosbags (0.11.9),
+pymavlink (2.4.50), h5py (3.16.0) and hdf5storage (0.2.2).
 """
 
 import math
+import shutil
+import sqlite3
 import struct
 import sys
 from pathlib import Path
 
+import h5py
+import hdf5storage
 import numpy as np
 import scipy.io
 from pymavlink import DFReader, mavutil
 from pymavlink.dialects.v10 import ardupilotmega as first
 from pymavlink.dialects.v20 import ardupilotmega as second
 from rosbags.rosbag1 import Writer
-from rosbags.typesys import Stores, get_typestore
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 ROWS = 400
 STEP_NS = 5_000_000
@@ -158,6 +167,72 @@ def write_arrays(folder):
         (folder / name).write_bytes(content)
 
 
+def write_hdf5(folder):
+    """The first 40 rows as datasets, and as variables of MATLAB 7.3."""
+    rows = np.arange(40)
+    x = np.sin(rows / 10)
+    gyro = np.stack([x, rows], axis=1)
+    with h5py.File(folder / "arrays.h5", "w", track_order=True) as file:
+        file["t"] = rows * 0.005
+        file.create_dataset("gyro", data=gyro, chunks=(16, 1), compression="gzip", shuffle=True, fletcher32=True)
+        imu = file.create_group("imu")
+        imu["counts"] = rows.astype(">i2")
+        imu["ok"] = rows % 2 == 0
+        records = np.zeros(40, dtype=[("note", "S4"), ("x", "<f4"), ("y", "<u2")])
+        records["note"], records["x"], records["y"] = b"at", x, rows
+        imu.create_dataset("records", data=records, chunks=(16,), compression="gzip")
+        file["note"] = "at rest"
+        file["z"] = np.array([1j, 2])
+    two = {"t": rows * 0.005, "gyro": gyro, "note": "at rest", "z": np.array([1j, 2]), "none": np.zeros((0, 3))}
+    two["imu"] = {"count": rows.astype(np.int16), "more": {"x": np.float32(x)}}
+    path = folder / "matlab73.mat"
+    path.unlink(missing_ok=True)
+    hdf5storage.savemat(str(path), two, format="7.3", oned_as="column", store_python_metadata=False)
+    # The header says when it was written.
+    content = bytearray(path.read_bytes())
+    content[:116] = b"MATLAB 7.3 MAT-file, by hdf5storage".ljust(116)
+    path.write_bytes(content)
+    assert np.array_equal(h5py.File(path)["gyro"][()].T, gyro)
+
+
+def write_rosbag2(folder):
+    """Bags of sensor_msgs/Imu, stamped 2 ms before it is recorded, and of a message that is no standard one."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    store.register(get_types_from_msg("float64[3] rate\nint32 count\n", "lab/msg/Reading"))
+    kinds = store.types
+    imu, header = kinds["sensor_msgs/msg/Imu"], kinds["std_msgs/msg/Header"]
+    time, vector = kinds["builtin_interfaces/msg/Time"], kinds["geometry_msgs/msg/Vector3"]
+    quaternion, reading = kinds["geometry_msgs/msg/Quaternion"], kinds["lab/msg/Reading"]
+    bag = folder / "bag2"
+    shutil.rmtree(bag, ignore_errors=True)
+    with Writer2(bag, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        standard = writer.add_connection("/imu", imu.__msgtype__, typestore=store)
+        own = writer.add_connection("/lab", reading.__msgtype__, typestore=store)
+        for row in range(40):
+            stamp = START_NS + STEP_NS * row
+            x, y = readings(row)
+            message = imu(
+                header=header(stamp=time(sec=stamp // 10**9, nanosec=stamp % 10**9), frame_id="imu"),
+                orientation=quaternion(x=0.0, y=0.0, z=0.0, w=1.0),
+                orientation_covariance=np.zeros(9),
+                angular_velocity=vector(x=x, y=y, z=0.0),
+                angular_velocity_covariance=np.zeros(9),
+                linear_acceleration=vector(x=0.0, y=0.0, z=-9.8),
+                linear_acceleration_covariance=np.zeros(9),
+            )
+            writer.write(standard, stamp + 2_000_000, store.serialize_cdr(message, imu.__msgtype__))
+            message = reading(rate=np.array([x, y, 1.0]), count=row)
+            writer.write(own, stamp + 3_000_000, store.serialize_cdr(message, reading.__msgtype__))
+    (made,) = bag.glob("*.db3")
+    shutil.copy(made, folder / "described.db3")
+    shutil.copy(made, folder / "undescribed.db3")
+    shutil.rmtree(bag)
+    for name, change in [("described", ""), ("undescribed", "DROP TABLE message_definitions;")]:
+        database = sqlite3.connect(folder / f"{name}.db3")
+        database.executescript(change + "VACUUM;")
+        database.close()
+
+
 def main():
     folder = Path(sys.argv[1])
     for name, compression, rows in [("imu.bag", Writer.CompressionFormat.LZ4, ROWS), ("plain.bag", None, 40)]:
@@ -168,6 +243,8 @@ def main():
     write_tlog(folder / "imu.tlog")
     check_tlog(folder / "imu.tlog")
     write_arrays(folder)
+    write_hdf5(folder)
+    write_rosbag2(folder)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,5 @@
-//! Logs of other people's tools: ROS 1 bags, ArduPilot DataFlash, MAVLink, arrays of NumPy and MATLAB. The samples are made by `tests/oracle/make_logs.py`.
+//! Logs of other people's tools: ROS 1 bags, ArduPilot DataFlash, MAVLink, ROS 2 bags, arrays of NumPy, MATLAB and HDF5. The samples are made by `tests/oracle/make_logs.py`.
+use std::collections::BTreeSet;
 use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -209,15 +210,88 @@ fn damage_to_a_telemetry_log_costs_the_message() {
 fn arrays_of_matlab_are_columns() {
     let sine: Vec<f64> = (0..40).map(|row| (f64::from(row) / 10.0).sin()).collect();
     let counted: Vec<f64> = (0..40).map(f64::from).collect();
-    for name in ["packed.mat", "plain.mat"] {
+    let names = ["t", "gyro[0]", "gyro[1]", "imu.count", "imu.more.x"];
+    for name in ["packed.mat", "plain.mat", "matlab73.mat"] {
         let table = table::open(&sample(name)).unwrap();
-        assert_eq!(table.names(), ["t", "gyro[0]", "gyro[1]", "imu.count", "imu.more.x"], "{name}");
-        let columns = table.read(&[0, 1, 2, 3, 4]).unwrap();
+        assert_eq!(
+            table.names().iter().collect::<BTreeSet<_>>(),
+            names.map(str::to_owned).iter().collect(),
+            "{name}"
+        );
+        let columns = read(&sample(name), &names);
         assert!((columns.values[0][39] - 0.195).abs() < 1e-12);
         assert!(columns.values[1].iter().zip(&sine).all(|(a, b)| (a - b).abs() < 1e-15));
         assert_eq!((&columns.values[2], &columns.values[3]), (&counted, &counted));
         assert!(columns.values[4].iter().zip(&sine).all(|(a, b)| (a - b).abs() < 1e-7));
     }
+}
+
+#[test]
+fn datasets_of_hdf5_are_columns() {
+    let table = table::open(&sample("arrays.h5")).unwrap();
+    let names =
+        ["t", "gyro[0]", "gyro[1]", "imu/counts", "imu/ok", "imu/records.x", "imu/records.y", "z.r", "z.i"];
+    let found: BTreeSet<&str> = table.names().iter().map(String::as_str).collect();
+    assert_eq!(found, names.into_iter().collect());
+    let columns = read(&sample("arrays.h5"), &names[..7]);
+    let counted: Vec<f64> = (0..40).map(f64::from).collect();
+    let sine = |row: usize| (row as f64 / 10.0).sin();
+    assert!((columns.values[0][39] - 0.195).abs() < 1e-12);
+    assert!((0..40).all(|row| (columns.values[1][row] - sine(row)).abs() < 1e-15));
+    assert_eq!((&columns.values[2], &columns.values[3]), (&counted, &counted));
+    assert_eq!(columns.values[4][..4], [1.0, 0.0, 1.0, 0.0]);
+    assert!((0..40).all(|row| columns.values[5][row] == f64::from(sine(row) as f32)));
+    assert_eq!(columns.values[6], counted);
+    assert_eq!(read(&sample("arrays.h5"), &names[7..]).values, [vec![0.0, 2.0], vec![1.0, 0.0]]);
+}
+
+#[test]
+fn ros_2_bags_in_sqlite_are_read_with_their_definitions_or_those_of_ros() {
+    let imu = ["/imu.header.stamp", "/imu.angular_velocity.x", "/imu.linear_acceleration.z", "/imu@log_time"];
+    let sine = |row: usize| (row as f64 / 10.0).sin();
+    let bytes = |name: &str| table::open_bytes(Path::new(name), fs::read(sample(name)).unwrap()).unwrap();
+    for name in ["described.db3", "undescribed.db3"] {
+        let columns = read(&sample(name), &imu);
+        assert_eq!((columns.rows(), columns.warnings.len()), (40, 0), "{name}: {:?}", columns.warnings);
+        for row in 0..40 {
+            let [stamp_s, x, z, logged_s] = [0, 1, 2, 3].map(|column| columns.values[column][row]);
+            let expected_s = 1_700_000_000.123_456_8 + 0.005 * row as f64;
+            assert!((stamp_s - expected_s).abs() < 1e-6 && (logged_s - stamp_s - 0.002).abs() < 1e-6);
+            assert_eq!((x, z), (sine(row), -9.8));
+        }
+        // From memory as from the file, which stays alone.
+        let in_memory = bytes(name);
+        let wanted: Vec<usize> = imu.iter().map(|name| in_memory.index(name).unwrap()).collect();
+        assert_eq!(in_memory.read(&wanted).unwrap(), columns);
+        for beside in ["-wal", "-journal", "-shm"] {
+            assert!(!sample(&format!("{name}{beside}")).exists());
+        }
+    }
+    let own = read(&sample("described.db3"), &["/lab.count", "/lab.rate[0]"]);
+    assert_eq!((own.rows(), own.values[0][39]), (40, 39.0));
+    assert!((0..40).all(|row| own.values[1][row] == sine(row)));
+    let message = bytes("undescribed.db3").index("/lab.count").unwrap_err();
+    assert!(message.contains("no schema"), "{message}");
+}
+
+#[test]
+fn an_sqlite_database_that_is_no_bag_is_named() {
+    let folder = TempDir::new().unwrap();
+    let made = |name: &str, sql: &str| {
+        let path = folder.path().join(name);
+        rusqlite::Connection::open(&path).unwrap().execute_batch(sql).unwrap();
+        table::open(&path).err().unwrap().to_string()
+    };
+    let other = made("other.db", "CREATE TABLE notes(text TEXT)");
+    assert!(other.contains("is no bag of ROS 2; expected the tables topics and messages"), "{other}");
+    // A view may have rows without end.
+    let view = made(
+        "view 100%?#.db3",
+        "CREATE TABLE topics(id, name, type, serialization_format);
+         CREATE VIEW messages AS WITH RECURSIVE n(id) AS (SELECT 1 UNION ALL SELECT id + 1 FROM n)
+             SELECT id AS rowid, 1 AS topic_id, 1 AS timestamp, x'00' AS data FROM n",
+    );
+    assert!(view.contains("is no bag of ROS 2"), "{view}");
 }
 
 #[test]
@@ -278,9 +352,19 @@ fn arrays_of_numpy_are_columns() {
 fn damaged_logs_are_answered_with_a_message_or_read() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("damaged");
-    for name in
-        ["imu.bag", "plain.bag", "imu.bin", "imu.tlog", "fields.npy", "arrays.npz", "packed.mat", "plain.mat"]
-    {
+    for name in [
+        "imu.bag",
+        "plain.bag",
+        "imu.bin",
+        "imu.tlog",
+        "fields.npy",
+        "arrays.npz",
+        "packed.mat",
+        "plain.mat",
+        "matlab73.mat",
+        "arrays.h5",
+        "described.db3",
+    ] {
         let bytes = fs::read(sample(name)).unwrap();
         for damage in 0..60_usize {
             let mut damaged = bytes.clone();

@@ -29,7 +29,7 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Arguments {
-    /// Table (text, Parquet, MCAP, ROS 1 bag, ULog, DataFlash, MAVLink, NumPy, MATLAB), or a case with its table.
+    /// Table (text, Parquet, MCAP, ROS bag, ULog, DataFlash, MAVLink, NumPy, MATLAB, HDF5), or a case with its table.
     #[arg(value_name = "IN")]
     input: PathBuf,
     /// File to write, .csv, .csv.gz or .parquet; of a case the directory, which is made if it is not there.

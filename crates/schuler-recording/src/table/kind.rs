@@ -1,4 +1,6 @@
 //! Formats that are read, told by their first bytes.
+#[cfg(feature = "hdf5")]
+use super::hdf5;
 use super::{dataflash, matlab, mavlink, mcap, numpy, ulog};
 
 /// First bytes of a Parquet file.
@@ -19,6 +21,12 @@ pub(super) enum Kind {
     Tlog,
     /// MATLAB 5.
     Matlab,
+    /// HDF5, and MATLAB 7.3.
+    #[cfg(feature = "hdf5")]
+    Hdf5,
+    /// SQLite, of rosbag2.
+    #[cfg(feature = "rosbag2")]
+    Sqlite,
     /// NumPy array.
     Array,
     /// ZIP archive of NumPy arrays.
@@ -28,13 +36,19 @@ pub(super) enum Kind {
 }
 
 /// What files of most kinds begin with.
-const MAGIC: [(&[u8], Kind); 8] = [
+const MAGIC: &[(&[u8], Kind)] = &[
     (PARQUET_MAGIC, Kind::Parquet),
     (::mcap::MAGIC, Kind::Mcap),
     (mcap::bag::MAGIC, Kind::Bag),
     (ulog::MAGIC, Kind::Ulog),
     (dataflash::MAGIC, Kind::DataFlash),
     (matlab::MAGIC, Kind::Matlab),
+    #[cfg(feature = "hdf5")]
+    (hdf5::MAGIC, Kind::Hdf5),
+    #[cfg(feature = "hdf5")]
+    (hdf5::MATLAB_MAGIC, Kind::Hdf5),
+    #[cfg(feature = "rosbag2")]
+    (mcap::rosbag2::MAGIC, Kind::Sqlite),
     (numpy::MAGIC, Kind::Array),
     (numpy::ZIP_MAGIC, Kind::Archive),
 ];

@@ -9,6 +9,9 @@
 //! | ArduPilot DataFlash | a first message `FMT` | `MESSAGE.LABEL`, `MESSAGE_INSTANCE.LABEL`: `ATT.Roll`, `IMU_0.GyrX` |
 //! | NumPy `.npy`, `.npz` | its magic bytes | the array's or field's name, of two axes `NAME[k]`; alone `array` |
 //! | MATLAB 5 `.mat` | its magic bytes | the variable's name, of a structure `NAME.FIELD`, of two axes `NAME[k]` |
+//! | MATLAB 7.3 `.mat` | its magic bytes | as of MATLAB 5; with the feature `hdf5` |
+//! | HDF5, netCDF-4 | its magic bytes | the dataset's path, of two axes `PATH[k]`, of records `PATH.FIELD`; with the feature `hdf5` |
+//! | ROS 2 bag in SQLite, `.db3` | its magic bytes | as in MCAP; with the feature `rosbag2` |
 //! | MAVLink `.tlog` | a time stamp and a frame | `MESSAGE.FIELD`: `ATTITUDE.roll`, `ATTITUDE@log_time` |
 //! | PX4 ULog | its magic bytes | `TOPIC_INSTANCE.FIELD`: `sensor_gyro_0.x`, `sensor_gyro_0.timestamp` |
 //!
@@ -31,6 +34,8 @@ mod csv;
 mod dataflash;
 mod dates;
 mod dialect;
+#[cfg(feature = "hdf5")]
+mod hdf5;
 mod join;
 mod kind;
 mod known;
@@ -195,6 +200,17 @@ pub fn open_with(path: &Path, leniency: Leniency) -> Result<Box<dyn TableReader>
             raw.take(arrays::LARGEST_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
             open_arrays(path, kind, &bytes)
         }
+        #[cfg(feature = "hdf5")]
+        Kind::Hdf5 => {
+            let mut bytes = Vec::new();
+            raw.take(arrays::LARGEST_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+            open_hdf5(path, bytes)
+        }
+        #[cfg(feature = "rosbag2")]
+        Kind::Sqlite => Ok(Box::new(log::LogTable::new(mcap::Mcap::of_sqlite(
+            path,
+            mcap::rosbag2::Rosbag2::open(path)?,
+        )?)?)),
         Kind::Text => open_text(path, raw, leniency),
         _ => open_log(path, kind, Box::new(raw)),
     }
@@ -208,6 +224,13 @@ pub fn open_bytes(path: &Path, bytes: Vec<u8>) -> Result<Box<dyn TableReader>, E
     match Kind::of(&bytes) {
         Kind::Parquet => Ok(Box::new(parquet::ParquetTable::new(path, Bytes::from(bytes))?)),
         kind @ (Kind::Array | Kind::Archive | Kind::Matlab) => open_arrays(path, kind, &bytes),
+        #[cfg(feature = "hdf5")]
+        Kind::Hdf5 => open_hdf5(path, bytes),
+        #[cfg(feature = "rosbag2")]
+        Kind::Sqlite => Ok(Box::new(log::LogTable::new(mcap::Mcap::of_sqlite(
+            path,
+            mcap::rosbag2::Rosbag2::of_bytes(path, &bytes)?,
+        )?)?)),
         Kind::Text => open_text(path, Cursor::new(bytes), Leniency::Strict),
         kind => open_log(path, kind, Box::new(Cursor::new(bytes))),
     }
@@ -223,6 +246,15 @@ fn open_arrays(path: &Path, kind: Kind, bytes: &[u8]) -> Result<Box<dyn TableRea
         Kind::Matlab => matlab::table(path, bytes)?,
         _ => numpy::archive_table(path, bytes)?,
     }))
+}
+
+/// Opens an HDF5 file, which has all its bytes in memory.
+#[cfg(feature = "hdf5")]
+fn open_hdf5(path: &Path, bytes: Vec<u8>) -> Result<Box<dyn TableReader>, Error> {
+    if bytes.len() as u64 > arrays::LARGEST_BYTES {
+        return Err(Error::one(path, Problem::of_file(arrays::TOO_LARGE)));
+    }
+    Ok(Box::new(hdf5::table(path, bytes)?))
 }
 
 /// Opens a file of messages.

@@ -17,12 +17,14 @@
 //! a message has not. Chunks may be compressed with LZ4 or Zstandard; every checksum is held to. A file that was not
 //! closed, without footer, summary or the end of its last chunk, is read as far as it goes, with a warning.
 //!
-//! ROS 1 bags ([`bag`]) hold the same: channels with schemas, and messages.
+//! ROS 1 bags ([`bag`]) and ROS 2 bags in SQLite hold the same: channels with schemas, and messages.
 pub(super) mod bag;
 mod json;
 mod protobuf;
 mod records;
 mod ros;
+#[cfg(feature = "rosbag2")]
+pub(super) mod rosbag2;
 
 use std::collections::{BTreeMap, HashMap};
 use std::io::{self, SeekFrom};
@@ -166,6 +168,15 @@ impl Mcap {
     /// A file that cannot be read.
     pub(super) fn of_bag(path: &Path, bytes: Box<dyn Bytestream>) -> Result<Self, Error> {
         Self::of(path, Box::new(bag::Bag::new(bytes)))
+    }
+
+    /// Reads a ROS 2 bag in SQLite for topics and fields.
+    ///
+    /// # Errors
+    /// A file that cannot be read.
+    #[cfg(feature = "rosbag2")]
+    pub(super) fn of_sqlite(path: &Path, bag: rosbag2::Rosbag2) -> Result<Self, Error> {
+        Self::of(path, Box::new(bag))
     }
 
     fn of(path: &Path, records: Box<dyn Source>) -> Result<Self, Error> {
