@@ -832,6 +832,7 @@ fn sensors(scenario: &Scenario) -> Vec<Sensor> {
                 quantisation: rounding(&readout.conversion, entry.unit.in_si()),
                 relative: entry.relative,
                 grade: None,
+                scale: None,
                 nominal: entry.nominal.clone(),
             });
         }
@@ -850,6 +851,7 @@ fn sensors(scenario: &Scenario) -> Vec<Sensor> {
             quantisation: rounding(&entry.design.readout.conversion, entry.unit.in_si()),
             relative: entry.relative,
             grade: None,
+            scale: None,
             nominal: entry.nominal.clone(),
         });
     }
@@ -867,6 +869,7 @@ fn sensors(scenario: &Scenario) -> Vec<Sensor> {
             quantisation: rounding(&entry.design.readout.conversion, entry.unit.in_si()),
             relative: entry.relative,
             grade: None,
+            scale: None,
             nominal: entry.nominal.clone(),
         });
     }
@@ -884,6 +887,7 @@ fn sensors(scenario: &Scenario) -> Vec<Sensor> {
             quantisation: rounding(&entry.design.readout.conversion, 1.0),
             relative: false,
             grade: None,
+            scale: None,
             nominal: entry.nominal.clone(),
         });
     }
@@ -901,6 +905,7 @@ fn sensors(scenario: &Scenario) -> Vec<Sensor> {
             quantisation: 0.0,
             relative: false,
             grade: None,
+            scale: None,
             nominal: Nominal { white: entry.nominal.velocity_white, ..Nominal::default() },
         });
     }
@@ -913,6 +918,8 @@ fn auxiliaries(scenario: &Scenario) -> Vec<Auxiliary> {
         column: column.to_owned(),
         quantity,
         unit: unit.to_owned(),
+        scale: None,
+        offset: None,
         near: None,
         position_m: None,
     };

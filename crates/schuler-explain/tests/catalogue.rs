@@ -163,6 +163,7 @@ impl Scene {
             quantisation: 0.0,
             relative: false,
             grade: None,
+            scale: None,
             nominal: Nominal { white: 1.0, ..Nominal::default() },
         };
         self.0.case.sensors.push(sensor.clone());
@@ -194,6 +195,8 @@ impl Scene {
             column: column.to_owned(),
             quantity,
             unit: unit.to_owned(),
+            scale: None,
+            offset: None,
             near: near.map(str::to_owned),
             position_m: None,
         };

@@ -239,6 +239,8 @@ fn record(recording: &mut Recording, (column, quantity, unit): (&str, Quantity, 
         column: column.to_owned(),
         quantity,
         unit: unit.to_owned(),
+        scale: None,
+        offset: None,
         near: None,
         position_m: None,
     };

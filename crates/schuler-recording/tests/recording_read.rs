@@ -1,8 +1,9 @@
 //! A case and its table together: SI units, gaps, missing values, and mistakes by file and line.
+use std::f64::consts::PI;
 use std::fmt::Write as _;
 use std::fs;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use proptest::prelude::*;
 use schuler_recording::motion::{Prediction, predict};
@@ -393,6 +394,78 @@ fn sensors_with_the_same_readings_are_told_first() {
     // Constants say nothing.
     let still = (0..100).fold("t,a,b,c,d\n".to_owned(), |text, row| text + &format!("{row},1,1,1,1\n"));
     assert!(warned(&still).is_empty());
+}
+
+#[test]
+fn counts_and_other_units_of_columns_are_stated() {
+    let case = r#"
+        format = "schuler-case/1"
+        [recording]
+        path = "r.csv"
+        time = "t"
+        [motion]
+        kind = "recorded"
+        rate = ["p", "q", "r"]
+        rate_unit = "deg/s"
+        specific_force = ["fx", "fy", "fz"]
+        specific_force_unit = "g"
+        attitude = { columns = ["yaw", "pitch", "roll"], order = "zyx", unit = "deg" }
+        [[sensor]]
+        id = "g"
+        kind = "mems_gyro"
+        column = "counts"
+        scale = 0.0625
+        unit = "deg/s"
+        axis = [1, 0, 0]
+        [[aux]]
+        column = "T"
+        quantity = "temperature"
+        scale = 0.5
+        offset = 32.0
+        unit = "degF"
+    "#;
+    let head = "t,p,q,r,fx,fy,fz,yaw,pitch,roll,counts,T\n";
+    let table = (0..50)
+        .fold(head.to_owned(), |text, row| text + &format!("{row},90,0,0,0,0,-1,30,10,20,{},36\n", 16 * row));
+    let recording = read_both(case, &table);
+    let motion = &recording.motion;
+    assert_eq!(motion.rate.as_ref().unwrap()[0][7], 90.0 * (PI / 180.0));
+    assert_eq!(motion.specific_force.as_ref().unwrap()[2][7], -9.80665);
+    for (angles, degrees) in motion.attitude_rad.as_ref().unwrap().iter().zip([20.0_f64, 10.0, 30.0]) {
+        assert!((angles[7] - degrees.to_radians()).abs() < 1e-12);
+    }
+    assert!((recording.sensors[0].values[7] - 7.0 * (PI / 180.0)).abs() < 1e-15);
+    assert!((recording.auxiliaries[0].values[7] - 10.0).abs() < 1e-12);
+    let (angles, quaternion) = (
+        r#"["yaw", "pitch", "roll"], order = "zyx", unit = "deg""#,
+        r#"["yaw", "pitch", "roll", "p"], order = "wxyz""#,
+    );
+    for case in [case.to_owned(), case.replace(angles, quaternion)] {
+        let read = read_both(&case, &table).case;
+        let written = read.to_toml().unwrap();
+        assert_eq!(CaseFile::parse(Path::new("case.toml"), &written).unwrap().case, read, "{written}");
+    }
+    for (from, to, expected) in [
+        (
+            "order = \"zyx\"",
+            "order = \"wxyz\"",
+            "motion.attitude.columns: found 3 columns; expected 4, as order is",
+        ),
+        (
+            "order = \"zyx\"",
+            "order = \"zyxw\"",
+            "motion.attitude.order: found \"zyxw\"; expected one of wxyz, xyzw, zyx",
+        ),
+        (
+            "rate_unit = \"deg/s\"",
+            "rate_unit = \"g\"",
+            "motion.rate_unit: found \"g\"; expected one of rad/s, deg/s, deg/h",
+        ),
+        ("scale = 0.0625", "scale = 0", "sensor[0].scale: found 0; expected a number other than zero"),
+    ] {
+        let error = read(&case.replace(from, to), table.as_bytes()).unwrap_err();
+        assert!(error.contains(expected), "{error}");
+    }
 }
 
 #[test]

@@ -155,6 +155,7 @@ impl CalibrationScenario {
                 quantisation: 0.0,
                 relative: false,
                 grade: None,
+                scale: None,
                 nominal: Nominal { white: white / unit.in_si(), ..Nominal::default() },
             }
         };
@@ -191,6 +192,8 @@ impl CalibrationScenario {
                     column,
                     quantity: Quantity::Temperature,
                     unit: "degC".to_owned(),
+                    scale: None,
+                    offset: None,
                     near: Some("unit".to_owned()),
                     position_m: self.gradient.then_some(place),
                 })

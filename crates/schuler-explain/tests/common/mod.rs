@@ -26,6 +26,7 @@ pub fn series(
             quantisation: 0.0,
             relative: false,
             grade: None,
+            scale: None,
             nominal,
         },
         written_unit: unit,

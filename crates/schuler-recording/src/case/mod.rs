@@ -3,6 +3,7 @@
 //! The types hold the file as it is written, in the units of the file; [`Sensor::in_si`] is the one conversion.
 //! Keys that a file may leave out have the defaults of [`Default`]. The part about calibration runs is described in
 //! [`calibration`].
+mod attitude;
 pub mod calibration;
 mod grade;
 mod motion;
@@ -14,6 +15,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Serialize, Serializer};
 
+pub use attitude::{AttitudeColumns, Frames, Order};
 pub use grade::Grade;
 pub use motion::{Attitude, Motion, MotionKind};
 pub use simulation::{Clock, Covers, Simulation};
@@ -223,6 +225,9 @@ pub struct Sensor {
     pub kind: SensorKind,
     /// Its column.
     pub column: String,
+    /// Value of one of the column's numbers in `unit`, as of counts; without it 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scale: Option<f64>,
     /// Column of what the user's simulator says that it reads: of the simulation's table, or of the
     /// recording's where that has none of its own.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -363,6 +368,12 @@ pub struct Auxiliary {
     pub quantity: Quantity,
     /// Its unit.
     pub unit: String,
+    /// Value of one of the column's numbers in `unit`, as of counts; without it 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scale: Option<f64>,
+    /// Value in `unit` where the column says 0; without it 0.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub offset: Option<f64>,
     /// The sensor or group it sits at, or [`ELECTRONICS`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub near: Option<String>,
@@ -532,7 +543,9 @@ macro_rules! named_in_the_file {
     )*};
 }
 
-named_in_the_file!(TimeUnit, Duplicates, MotionKind, SensorKind, Grade, Quantity, Clock, Covers);
+named_in_the_file!(
+    TimeUnit, Duplicates, MotionKind, SensorKind, Grade, Quantity, Clock, Covers, Order, Frames
+);
 
 #[cfg(test)]
 mod tests {

@@ -1,6 +1,9 @@
 //! The part of a case about what the body did.
 use serde::Serialize;
 
+use super::AttitudeColumns;
+use crate::unit::Unit;
+
 /// What the body did.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Motion {
@@ -12,22 +15,36 @@ pub struct Motion {
     /// Columns of the body's inertial rate in body axes, rad/s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rate: Option<[String; 3]>,
+    /// Unit of the rate where it is not rad/s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rate_unit: Option<Unit>,
     /// Columns of the specific force in body axes, m/s².
     #[serde(skip_serializing_if = "Option::is_none")]
     pub specific_force: Option<[String; 3]>,
+    /// Unit of the specific force where it is not m/s².
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub specific_force_unit: Option<Unit>,
     /// Columns of the velocity north, east, down, m/s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub velocity_ned: Option<[String; 3]>,
+    /// Where the point sits in body axes, m, of which the velocity is, such as an antenna; without it the body's reference point.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub velocity_at_m: Option<[f64; 3]>,
     /// Columns of roll, pitch and yaw (body from NED, 3-2-1), rad.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub attitude_rad: Option<[String; 3]>,
+    /// Columns of the attitude in another form.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub attitude: Option<AttitudeColumns>,
 }
 
 impl Motion {
     /// The columns that it names.
     pub fn columns(&self) -> impl Iterator<Item = &str> {
-        let Self { rate, specific_force, velocity_ned, attitude_rad, .. } = self;
-        [rate, specific_force, velocity_ned, attitude_rad].into_iter().flatten().flatten().map(String::as_str)
+        let Self { rate, specific_force, velocity_ned, attitude_rad, attitude, .. } = self;
+        let other = attitude.iter().flat_map(|it| &it.columns);
+        let triples = [rate, specific_force, velocity_ned, attitude_rad].into_iter().flatten().flatten();
+        triples.chain(other).map(String::as_str)
     }
 }
 

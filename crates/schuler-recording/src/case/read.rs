@@ -228,18 +228,33 @@ fn motion(node: &Node<'_>) -> Option<Motion> {
     let specific_force = optional(node, "specific_force", Field::texts);
     let velocity_ned = optional(node, "velocity_ned", Field::texts);
     let attitude_rad = optional(node, "attitude_rad", Field::texts);
+    let attitude = optional(node, "attitude", |field| field.table(super::attitude::attitude));
+    let velocity_at_m = optional(node, "velocity_at_m", Field::numbers);
+    let rate_unit = optional(node, "rate_unit", |field| unit_of_dimension(field, Dimension::AngularRate));
+    let specific_force_unit =
+        optional(node, "specific_force_unit", |field| unit_of_dimension(field, Dimension::Acceleration));
     let motion = Motion {
         kind: kind?,
         attitude_deg: attitude_deg?,
         rate: rate?,
+        rate_unit: rate_unit?,
         specific_force: specific_force?,
+        specific_force_unit: specific_force_unit?,
         velocity_ned: velocity_ned?,
+        velocity_at_m: velocity_at_m?,
         attitude_rad: attitude_rad?,
+        attitude: attitude?,
     };
-    let columns = [&motion.rate, &motion.specific_force, &motion.velocity_ned, &motion.attitude_rad];
-    if motion.kind == MotionKind::Recorded && columns.iter().all(|columns| columns.is_none()) {
+    if motion.attitude.is_some() && motion.attitude_rad.is_some() {
+        return node.problem_at("attitude", "found beside attitude_rad; expected one of them");
+    }
+    let has_attitude = motion.attitude.is_some() || motion.attitude_rad.is_some();
+    if motion.velocity_at_m.is_some() && !(has_attitude && motion.velocity_ned.is_some()) {
+        return node.problem_at("velocity_at_m", "found without an attitude or a velocity; expected both");
+    }
+    if motion.kind == MotionKind::Recorded && motion.columns().next().is_none() {
         let found = "found \"recorded\" without columns";
-        let expected = "expected also rate, specific_force, velocity_ned or attitude_rad";
+        let expected = "expected also rate, specific_force, velocity_ned, attitude_rad or attitude";
         return node.problem_at("kind", &format!("{found}; {expected}"));
     }
     Some(motion)
@@ -257,6 +272,7 @@ fn sensor(node: &Node<'_>) -> Option<Sensor> {
         .required("kind", "the kind of sensor, e.g. \"mems_gyro\"")
         .and_then(|field| field.one_of(&SensorKind::NAMES));
     let column = node.required("column", "the name of the sensor's column").and_then(|field| field.text());
+    let scale = optional(node, "scale", not_zero);
     let predicted = optional(node, "predicted", Field::text);
     let unit = node
         .required("unit", "the unit of the column, e.g. \"deg/h\"")
@@ -273,6 +289,7 @@ fn sensor(node: &Node<'_>) -> Option<Sensor> {
         id: id?,
         kind: kind?,
         column: column?,
+        scale: scale?,
         predicted: predicted?,
         predicted_unit: predicted_unit?,
         unit: unit?,
@@ -290,6 +307,15 @@ fn sensor(node: &Node<'_>) -> Option<Sensor> {
         return node.problem_at("axis", NO_AXIS);
     }
     Some(sensor)
+}
+
+fn unit_of_dimension(field: &Field<'_>, dimension: Dimension) -> Option<Unit> {
+    let unit = field.one_of(&Unit::NAMES)?;
+    if unit.dimension() == dimension {
+        return Some(unit);
+    }
+    let units: Vec<&str> = dimension.units().map(Unit::name).collect();
+    field.wrong(&format!("one of {}", units.join(", ")))
 }
 
 fn unit_of(field: &Field<'_>, kind: Option<SensorKind>) -> Option<Unit> {
@@ -369,12 +395,16 @@ fn auxiliary(node: &Node<'_>) -> Option<Auxiliary> {
         .required("quantity", "what the column holds, e.g. \"temperature\"")
         .and_then(|field| field.one_of(&Quantity::NAMES));
     let unit = optional(node, "unit", Field::any_text);
+    let scale = optional(node, "scale", not_zero);
+    let offset = optional(node, "offset", Field::number);
     let near = optional(node, "near", Field::text);
     let position_m = optional(node, "position_m", Field::numbers);
     Some(Auxiliary {
         column: column?,
         quantity: quantity?,
         unit: unit?.unwrap_or_default(),
+        scale: scale?,
+        offset: offset?,
         near: near?,
         position_m: position_m?,
     })
@@ -411,6 +441,10 @@ pub(super) fn optional<'d, T>(
 
 pub(super) fn positive(field: &Field<'_>) -> Option<f64> {
     field.number_where("a number greater than zero", |number| number > 0.0)
+}
+
+fn not_zero(field: &Field<'_>) -> Option<f64> {
+    field.number_where("a number other than zero", |number| number != 0.0)
 }
 
 fn not_negative(field: &Field<'_>) -> Option<f64> {

@@ -3,13 +3,17 @@
 //! Frames: n = north-east-down at the body, b = body axes. Attitude is 3-2-1: `C_nb = Rz(yaw) Ry(pitch) Rx(roll)`
 //! turns body components into north-east-down. `[Groves, Principles of GNSS, Inertial, and Multisensor Integrated
 //! Navigation Systems, 2nd ed., ch. 2 and 5]`
+mod antenna;
 pub mod earth;
+mod forms;
 mod kinematics;
 mod predict;
 mod stamps;
 
 use nalgebra::{Rotation3, Vector3};
 
+pub(crate) use antenna::velocity_of_body;
+pub(crate) use forms::roll_pitch_yaw;
 pub use kinematics::{Use, inertial_rate, specific_force};
 pub use predict::{Prediction, Unpredictable, is_resolved_over_earth, predict};
 pub(crate) use stamps::last_place;

@@ -3,8 +3,9 @@ use super::grid::Gap;
 use super::{AuxiliarySeries, MotionSeries, Quality, Recording, SensorSeries};
 use crate::case::{Auxiliary, Case, CaseFile, Quantity};
 use crate::error::{Error, Problem};
+use crate::motion::roll_pitch_yaw;
 use crate::table::{Columns, TableReader};
-use crate::unit::AuxConversion;
+use crate::unit::{AuxConversion, Unit};
 
 /// The columns that a case asks of its table. A place is an index into the columns asked for.
 #[derive(Clone, Debug)]
@@ -23,6 +24,8 @@ pub(super) struct Layout {
     specific_force: Option<[usize; 3]>,
     velocity_ned: Option<[usize; 3]>,
     attitude_rad: Option<[usize; 3]>,
+    /// Of an attitude in another form.
+    attitude: Option<Vec<usize>>,
     table_angle: Option<usize>,
 }
 
@@ -77,6 +80,14 @@ impl Layout {
         let specific_force = triple(&motion.specific_force, "specific_force");
         let velocity_ned = triple(&motion.velocity_ned, "velocity_ned");
         let attitude_rad = triple(&motion.attitude_rad, "attitude_rad");
+        let attitude = (motion.attitude.as_ref())
+            .filter(|attitude| !attitude.columns.iter().all(|column| simulated(column)))
+            .map(|attitude| {
+                let place = |(index, name): (usize, &String)| {
+                    wanted.column(name, &format!("motion.attitude.columns[{index}]"))
+                };
+                attitude.columns.iter().enumerate().map(place).collect()
+            });
         let table_angle = case.table().map(|it| wanted.column(&it.column, "calibration.table.column"));
         let Wanted { indices, names, problems, .. } = wanted;
         if !problems.is_empty() {
@@ -93,6 +104,7 @@ impl Layout {
             specific_force,
             velocity_ned,
             attitude_rad,
+            attitude,
             table_angle,
         })
     }
@@ -141,7 +153,7 @@ impl Layout {
             .map(|((sensor, &place), predicted)| SensorSeries {
                 sensor: sensor.in_si(),
                 written_unit: sensor.unit,
-                values: scaled(values(place), sensor.unit.in_si()),
+                values: scaled(values(place), sensor.scale.unwrap_or(1.0) * sensor.unit.in_si()),
                 predicted: predicted
                     .map(|place| scaled(values(place), sensor.predicted_unit.unwrap_or(sensor.unit).in_si())),
                 quality: quality(place),
@@ -150,6 +162,12 @@ impl Layout {
         let auxiliaries = (self.auxiliaries.iter())
             .map(|(auxiliary, place)| {
                 let mut values = values(*place);
+                if auxiliary.scale.is_some() || auxiliary.offset.is_some() {
+                    let (scale, offset) = (auxiliary.scale.unwrap_or(1.0), auxiliary.offset.unwrap_or(0.0));
+                    for value in &mut values {
+                        *value = scale * *value + offset;
+                    }
+                }
                 let conversion = AuxConversion::of(&auxiliary.unit);
                 if !conversion.is_identity() {
                     for value in &mut values {
@@ -160,13 +178,20 @@ impl Layout {
                 AuxiliarySeries { auxiliary, values, quality: quality(*place) }
             })
             .collect();
-        let mut triple = |places: Option<[usize; 3]>| places.map(|places| places.map(&mut values));
-        let motion = MotionSeries {
-            rate: triple(self.rate),
-            specific_force: triple(self.specific_force),
-            velocity_ned: triple(self.velocity_ned),
-            attitude_rad: triple(self.attitude_rad),
+        let in_si = |unit: Option<Unit>| unit.map_or(1.0, Unit::in_si);
+        let mut triple = |places: Option<[usize; 3]>, factor: f64| {
+            places.map(|places| places.map(|place| scaled(values(place), factor)))
         };
+        let mut motion = MotionSeries {
+            rate: triple(self.rate, in_si(case.motion.rate_unit)),
+            specific_force: triple(self.specific_force, in_si(case.motion.specific_force_unit)),
+            velocity_ned: triple(self.velocity_ned, 1.0),
+            attitude_rad: triple(self.attitude_rad, 1.0),
+        };
+        if let (Some(form), Some(places)) = (&case.motion.attitude, &self.attitude) {
+            let columns: Vec<Vec<f64>> = places.iter().map(|&place| values(place)).collect();
+            motion.attitude_rad = Some(roll_pitch_yaw(form, &columns));
+        }
         let angle_unit = case.table().map_or(1.0, |it| it.unit.in_si());
         let table_angle = self.table_angle.map(|place| scaled(values(place), angle_unit));
         Recording {
@@ -240,6 +265,8 @@ fn all_auxiliaries(case: &Case) -> Vec<(Auxiliary, String)> {
                 column: dependence.column.clone(),
                 quantity: Quantity::Temperature,
                 unit: "degC".to_owned(),
+                scale: None,
+                offset: None,
                 near: Some(sensor.id.clone()),
                 position_m: None,
             };

@@ -17,6 +17,7 @@ use std::path::Path;
 
 use crate::case::{Auxiliary, Case, CaseFile, Sensor};
 use crate::error::Error;
+use crate::motion::velocity_of_body;
 use crate::table::{Columns, TableReader};
 use crate::unit::Unit;
 
@@ -181,7 +182,18 @@ impl Recording {
         if let Some(simulated) = simulated {
             simulated.put_beside(&mut recording, &path, &lines)?;
         }
+        recording.leave_antenna();
         Ok(recording)
+    }
+
+    /// Makes the velocity that of the body where the case says that it is of a point beside it.
+    fn leave_antenna(&mut self) {
+        let MotionSeries { velocity_ned, attitude_rad, .. } = &mut self.motion;
+        if let (Some(position_m), Some(velocity), Some(attitude)) =
+            (self.case.motion.velocity_at_m, velocity_ned, attitude_rad)
+        {
+            *velocity = velocity_of_body(&self.time_s, attitude, velocity, position_m);
+        }
     }
 
     /// Number of rows, recorded and put in.

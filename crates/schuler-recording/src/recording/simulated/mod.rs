@@ -197,6 +197,7 @@ fn as_recording(file: &CaseFile, source: &Source, sensors: &[usize], table: &dyn
         .map(|&place| {
             let mut sensor = file.case.sensors[place].clone();
             sensor.column = sensor.predicted.take().unwrap_or_default();
+            sensor.scale = None;
             sensor.unit = sensor.predicted_unit.take().unwrap_or(sensor.unit);
             sensor.nominal = Nominal::default();
             sensor
@@ -210,9 +211,14 @@ fn as_recording(file: &CaseFile, source: &Source, sensors: &[usize], table: &dyn
         kind: MotionKind::Unknown,
         attitude_deg: None,
         rate: there(&motion.rate),
+        rate_unit: motion.rate_unit,
         specific_force: there(&motion.specific_force),
+        specific_force_unit: motion.specific_force_unit,
         velocity_ned: there(&motion.velocity_ned),
+        velocity_at_m: None,
         attitude_rad: there(&motion.attitude_rad),
+        attitude: (motion.attitude.clone())
+            .filter(|attitude| attitude.columns.iter().all(|column| table.index(column).is_ok())),
     };
     own
 }
