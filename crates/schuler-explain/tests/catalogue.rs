@@ -953,6 +953,47 @@ fn amplitudes_are_in_the_sensors_unit() {
     }
 }
 
+/// Whatever the coefficient is per, and whether its unit has a slash of its own.
+#[test]
+fn an_amplitude_at_the_mean_is_in_the_unit_of_what_it_multiplies() {
+    let mut scene = turning()
+        .sensor("r", SensorKind::MemsGyro, Unit::RadianPerSecond, [1.0, 0.0, 0.0])
+        .aux("n", Quantity::Other, "", None, line)
+        .aux("v", Quantity::Other, "m/s", None, line);
+    scene.0.sensors[0].sensor.nominal.temperature_bias = None;
+    let inputs = Inputs::new(&scene.0);
+    let degree_per_hour = PI / 180.0 / 3600.0;
+    // Identifier, sensor, variant, one of the unit in SI, unit.
+    let table: [(&str, usize, Variant<'_>, f64, &str); 13] = [
+        ("bias_temperature", 0, &[("column", "T")], degree_per_hour, "deg/h"),
+        ("bias_temperature", 3, &[], 1.0, "rad/s"),
+        ("bias_temperature_gradient", 0, &[("reference", "*")], degree_per_hour, "deg/h"),
+        ("bias_supply_voltage", 0, &[], degree_per_hour, "deg/h"),
+        ("bias_pressure", 0, &[], degree_per_hour, "deg/h"),
+        ("bias_magnetic_field", 0, &[], degree_per_hour, "deg/h"),
+        ("bias_on_aux", 0, &[("column", "I")], degree_per_hour, "deg/h"),
+        ("bias_on_aux", 0, &[("column", "v")], degree_per_hour, "deg/h"),
+        ("bias_on_aux", 3, &[("column", "n")], 1.0, "rad/s"),
+        ("bias_on_aux", 2, &[("column", "n")], 1.0, "m/s"),
+        ("scale_factor_temperature", 0, &[], 1e-6, "ppm"),
+        ("misalignment_temperature", 0, &[], PI / 648_000.0, "arcsec"),
+        ("g_mass_unbalance_temperature", 0, &[], degree_per_hour / 9.80665, "deg/h/g"),
+    ];
+    for (id, sensor, variant, in_si, unit) in table {
+        let named = |candidate: &Candidate, wanted: &(&str, &str)| {
+            let mut variants = candidate.variant.iter();
+            variants.any(|(name, value)| *name == wanted.0 && (wanted.1 == "*" || value == wanted.1))
+        };
+        let found = at(&inputs, id, sensor, &[]).into_iter();
+        let mut found = found.filter(|candidate| variant.iter().all(|wanted| named(candidate, wanted)));
+        let candidate = found.next().unwrap_or_else(|| panic!("{id} at {sensor}"));
+        let at_mean = candidate.amplitudes.iter().find(|amplitude| amplitude.name == "at_mean");
+        let at_mean = at_mean.unwrap_or_else(|| panic!("{id} at {sensor}: {:?}", candidate.variant));
+        assert_eq!(at_mean.unit, unit, "{id} at {sensor}");
+        assert!((in_si * at_mean.in_unit - 1.0).abs() < 1e-12, "{id} at {sensor}: {}", at_mean.in_unit);
+    }
+}
+
 #[test]
 fn plausible_magnitudes_are_in_the_unit_of_the_amplitude_and_wider_for_micromechanics() {
     for (kind, unit, expected) in [

@@ -3,6 +3,7 @@ use schuler_recording::case::SensorKind;
 use schuler_recording::unit::{Dimension, STANDARD_GRAVITY, Unit};
 
 use super::{AT_START, Amplitude, Candidate, Column, Effect, Nonlinear, Port, Search, Signature, Target};
+use crate::arrays::AT_MEAN;
 use crate::inputs::series::{Series, map};
 use crate::inputs::{Inputs, Place};
 
@@ -137,9 +138,25 @@ impl Draft {
         Self::new(Search::Linear(Signature { columns: vec![at(place, values)] }), vec![amplitude])
     }
 
+    /// A quantity about a zero that is not known: [`with_free_reference`](Self::with_free_reference) where nothing
+    /// multiplies it.
+    pub(super) fn with_free_zero(self, place: &Place, rows: usize) -> Self {
+        self.with_free_reference(
+            place,
+            vec![1.0; rows],
+            amplitude(place, AT_MEAN, ITSELF, Plausible::UNKNOWN),
+        )
+    }
+
     /// Another reference than the one taken adds a multiple of what multiplies the quantity, `factor`: where the
     /// reference is not known, that multiple is an amplitude of its own, so that it is not taken for another effect.
-    pub(super) fn with_free_reference(mut self, place: &Place, factor: impl Into<Series>) -> Self {
+    /// `at_mean` is that amplitude, in the unit of what it multiplies.
+    pub(super) fn with_free_reference(
+        mut self,
+        place: &Place,
+        factor: impl Into<Series>,
+        at_mean: Amplitude,
+    ) -> Self {
         let shift = at(place, factor);
         self.search = match self.search {
             Search::Linear(mut signature) => {
@@ -157,12 +174,7 @@ impl Draft {
             },
             other => other,
         };
-        if let Some(first) = self.amplitudes.first() {
-            let per = first.unit.rfind("/(").or_else(|| first.unit.rfind('/'));
-            let unit = first.unit[..per.unwrap_or(first.unit.len())].to_owned();
-            let at_mean = Amplitude { name: "at_mean".to_owned(), unit, plausible: None, ..first.clone() };
-            self.amplitudes.push(at_mean);
-        }
+        self.amplitudes.push(at_mean);
         self
     }
 

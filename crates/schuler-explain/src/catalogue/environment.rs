@@ -158,9 +158,8 @@ pub(super) const BIAS_ON_AUX: Effect = Effect {
                 amplitude.unit = per(place, unit);
                 let middle = mean(&values);
                 let at_once = map(&values, |value| value - middle);
-                let constant = vec![1.0; inputs.rows()];
-                let at_once = Draft::linear(place, at_once, amplitude.clone());
-                let at_once = at_once.with_free_reference(place, constant.clone());
+                let rows = inputs.rows();
+                let at_once = Draft::linear(place, at_once, amplitude.clone()).with_free_zero(place, rows);
                 drafts.push(of_column(at_once, column, smoothed));
                 // A lag makes readings smooth by itself.
                 if let Some(tau) = lag.clone().filter(|_| !smoothed) {
@@ -168,7 +167,7 @@ pub(super) const BIAS_ON_AUX: Effect = Effect {
                     let late = Draft::grid(place, tau, amplitude, move |tau| {
                         map(&lagged(&time_s, &values, tau), |value| value - middle)
                     });
-                    drafts.push(of_column(late.with_free_reference(place, constant), column, smoothed));
+                    drafts.push(of_column(late.with_free_zero(place, rows), column, smoothed));
                 }
             }
             drafts.extend(general::functions(inputs, place));
@@ -232,8 +231,7 @@ fn of_quantity(
 fn centred(place: &Place, auxiliary: &AuxiliaryInput, amplitude: Amplitude) -> Draft {
     let middle = mean(&auxiliary.values);
     let values = map(&auxiliary.values, |value| value - middle);
-    let constant = vec![1.0; auxiliary.values.len()];
-    let draft = Draft::linear(place, values, amplitude).with_free_reference(place, constant);
+    let draft = Draft::linear(place, values, amplitude).with_free_zero(place, auxiliary.values.len());
     of_column(draft, &auxiliary.column, auxiliary.smoothed)
 }
 

@@ -102,8 +102,7 @@ fn linear(place: &Place, unit: &str, values: Vec<f64>, quantity: &AuxiliaryInput
     amplitude.unit = per(place, unit);
     let rows = values.len();
     let draft = Draft::linear(place, values, amplitude);
-    let draft =
-        if both_signs(&quantity.values) { draft } else { draft.with_free_reference(place, vec![1.0; rows]) };
+    let draft = if both_signs(&quantity.values) { draft } else { draft.with_free_zero(place, rows) };
     of_column(draft, &quantity.column, quantity.smoothed)
 }
 
@@ -123,6 +122,6 @@ fn late(inputs: &Inputs<'_>, place: &Place, quantity: &AuxiliaryInput) -> Option
         delayed(&time_s, &values, delay_s).into_iter().map(|value| value.unwrap_or(first)).collect()
     });
     let rows = inputs.rows();
-    let draft = draft.with_free_reference(place, vec![1.0; rows]).with("function", "delay");
+    let draft = draft.with_free_zero(place, rows).with("function", "delay");
     Some(of_column(draft, &quantity.column, false))
 }

@@ -4,11 +4,12 @@
 //! T₀ is the nominal model's reference. Where there is none, T₀ is the mean over the record, the candidate says so by a
 //! variant `reference`, and what another reference would add is an amplitude of its own, `at_mean`.
 use super::draft::{
-    Draft, G_KELVIN, ITSELF, KELVIN, KELVIN_CUBED, KELVIN_PER_HOUR, KELVIN_PER_METRE, KELVIN_SQUARED,
-    Plausible, any, at_each_instrument_place, coefficient, gyros, inertial, logarithmic, number,
+    Draft, G, G_KELVIN, ITSELF, KELVIN, KELVIN_CUBED, KELVIN_PER_HOUR, KELVIN_PER_METRE, KELVIN_SQUARED,
+    Plausible, amplitude, any, at_each_instrument_place, coefficient, gyros, inertial, logarithmic, number,
     time_constant,
 };
 use super::{Candidate, Effect, Nonlinear};
+use crate::arrays::AT_MEAN;
 use crate::inputs::series::{lagged, map, mean, play_branch, product, range, varies};
 use crate::inputs::{Inputs, Place, Series, Thermometer};
 
@@ -45,7 +46,7 @@ pub(super) const BIAS_TEMPERATURE: Effect = Effect {
             let (reference, known) = inputs.reference(place, thermometer);
             let values = map(&thermometer.temperature, |t| t - reference);
             let draft = Draft::linear(place, values, coefficient(place, KELVIN, plausible));
-            vec![with_reference(draft, place, vec![1.0; inputs.rows()], reference, known)]
+            vec![with_zero(draft, place, inputs.rows(), reference, known)]
         })
     },
 };
@@ -120,7 +121,7 @@ pub(super) const BIAS_THERMAL_LAG: Effect = Effect {
             let draft = Draft::grid(place, tau.clone(), amplitude, move |tau| {
                 map(&lagged(&time_s, &temperature, tau), |t| t - reference)
             });
-            vec![with_reference(draft, place, vec![1.0; inputs.rows()], reference, known)]
+            vec![with_zero(draft, place, inputs.rows(), reference, known)]
         })
     },
 };
@@ -150,7 +151,7 @@ pub(super) const BIAS_TEMPERATURE_GRADIENT: Effect = Effect {
                 // its zero is as little known as the reference of a temperature.
                 let mean = mean(&gradient.values);
                 let about_mean = of(map(&gradient.values, |value| value - mean))
-                    .with_free_reference(place, vec![1.0; inputs.rows()])
+                    .with_free_zero(place, inputs.rows())
                     .with("reference", format!("{:.4} K, the mean", mean * over));
                 [of(gradient.values.to_vec()), about_mean]
             });
@@ -205,8 +206,7 @@ pub(super) const BIAS_ELECTRONICS_TEMPERATURE: Effect = Effect {
                 let reference = crate::inputs::series::mean(&thermometer.temperature);
                 let values = map(&thermometer.temperature, |t| t - reference);
                 let draft = Draft::linear(place, values, coefficient(place, KELVIN, plausible));
-                let constant = vec![1.0; inputs.rows()];
-                with_reference(draft.with("column", &thermometer.column), place, constant, reference, false)
+                with_zero(draft.with("column", &thermometer.column), place, inputs.rows(), reference, false)
             });
             drafts.collect()
         })
@@ -225,7 +225,8 @@ pub(super) const SCALE_FACTOR_TEMPERATURE: Effect = Effect {
         per_thermometer(effect, inputs, |place, thermometer| {
             let Some(input) = place.input.as_ref().filter(|input| varies(input)) else { return Vec::new() };
             let amplitude = number("coefficient", "ppm/K", 1e6, Some(wide(place, [1.0, 500.0])));
-            vec![times_temperature(inputs, place, thermometer, input, amplitude)]
+            let at_mean = number(AT_MEAN, "ppm", 1e6, None);
+            vec![times_temperature(inputs, place, thermometer, input, [amplitude, at_mean])]
         })
     },
 };
@@ -244,7 +245,9 @@ pub(super) const MISALIGNMENT_TEMPERATURE: Effect = Effect {
                 let input = inputs.input_along(place, &axis).filter(|input| varies(input))?;
                 let unit = super::draft::RADIAN_IN_ARCSECONDS;
                 let amplitude = number("coefficient", "arcsec/K", unit, Some(wide(place, [0.1, 2.0])));
-                Some(times_temperature(inputs, place, thermometer, &input, amplitude).with("axis", name))
+                let at_mean = number(AT_MEAN, "arcsec", unit, None);
+                let amplitudes = [amplitude, at_mean];
+                Some(times_temperature(inputs, place, thermometer, &input, amplitudes).with("axis", name))
             });
             across.collect()
         })
@@ -264,8 +267,9 @@ pub(super) const G_MASS_UNBALANCE_TEMPERATURE: Effect = Effect {
             let force = inputs.force_along(&place.axes.input).filter(|force| varies(force));
             let Some(force) = force else { return Vec::new() };
             let plausible = Plausible::gyro([0.001, 0.05]);
-            let amplitude = coefficient(place, G_KELVIN, plausible);
-            vec![times_temperature(inputs, place, thermometer, &force, amplitude)]
+            let at_mean = amplitude(place, AT_MEAN, G, Plausible::UNKNOWN);
+            let amplitudes = [coefficient(place, G_KELVIN, plausible), at_mean];
+            vec![times_temperature(inputs, place, thermometer, &force, amplitudes)]
         })
     },
 };
@@ -288,18 +292,21 @@ fn per_thermometer(
     })
 }
 
-/// `factor·(T − T₀)`.
+/// `factor·(T − T₀)`, whose amplitudes are the coefficient and, where T₀ is not known, the multiple of the factor at the mean of T.
 fn times_temperature(
     inputs: &Inputs<'_>,
     place: &Place,
     thermometer: &Thermometer,
     factor: &[f64],
-    amplitude: super::Amplitude,
+    [coefficient, at_mean]: [super::Amplitude; 2],
 ) -> Draft {
     let (reference, known) = inputs.reference(place, thermometer);
     let difference = map(&thermometer.temperature, |t| t - reference);
-    let draft = Draft::linear(place, product(factor, &difference), amplitude);
-    with_reference(draft, place, factor.to_vec(), reference, known)
+    let draft = Draft::linear(place, product(factor, &difference), coefficient);
+    if known {
+        return draft;
+    }
+    about_mean(draft.with_free_reference(place, factor.to_vec(), at_mean), reference)
 }
 
 /// `(T − T₀)ⁿ` of a temperature that has range enough; a reference that is not known is searched, as another one is another function of T.
@@ -331,11 +338,12 @@ fn power(
     })]
 }
 
-fn with_reference(draft: Draft, place: &Place, factor: Vec<f64>, reference: f64, known: bool) -> Draft {
-    if known {
-        return draft;
-    }
-    draft.with_free_reference(place, factor).with("reference", format!("{reference:.2} degC, the mean"))
+fn with_zero(draft: Draft, place: &Place, rows: usize, reference: f64, known: bool) -> Draft {
+    if known { draft } else { about_mean(draft.with_free_zero(place, rows), reference) }
+}
+
+fn about_mean(draft: Draft, reference: f64) -> Draft {
+    draft.with("reference", format!("{reference:.2} degC, the mean"))
 }
 
 /// A plausible range of a number whose unit is not the sensor's.
