@@ -16,6 +16,12 @@ const ASKED_FROM: f64 = 2.0;
 /// Whole steps from here on, which are no parts or multiples of an hour, are not of seconds.
 const NOT_SECONDS_FROM: f64 = 500.0;
 const HOUR_S: f64 = 3600.0;
+/// Longest step of hours or days, s.
+const LONGEST_STEP_S: f64 = 1e6;
+/// Steps, of which one may be a jump, that can tell a unit.
+const FEWEST_STEPS: usize = 3;
+/// How far a step may be from the one that the case states for its unit to be told by that.
+const NEAR_STATED: std::ops::Range<f64> = 0.1..10.0;
 /// Rows that may come late, as a part of all, before the clock is taken to go back for good.
 const MOST_LATE: f64 = 0.1;
 const FEW_LATE: usize = 10;
@@ -28,6 +34,8 @@ pub(super) struct Timed {
     path: PathBuf,
     column: String,
     stated: Option<TimeUnit>,
+    /// The step that the case states, s.
+    step_s: Option<f64>,
     /// Seconds of a unit, once it is known.
     unit_s: Option<f64>,
     duplicates: Option<Duplicates>,
@@ -52,6 +60,7 @@ impl Timed {
             path: file.table_path(),
             column: source.time.clone(),
             stated: source.time_unit,
+            step_s: source.step_s,
             unit_s: None,
             duplicates: source.duplicates,
             last_s: None,
@@ -73,7 +82,7 @@ impl Timed {
         let unit_s = self.unit_s.unwrap_or_else(|| {
             let (unit, why) = match self.stated {
                 Some(unit) => (unit, None),
-                None => guessed(&self.column, stamps),
+                None => guessed(&self.column, stamps, self.step_s),
             };
             let said = why.map(|why| format!("{}: {}: {why}", self.path.display(), self.column));
             columns.warnings.extend(said);
@@ -229,12 +238,13 @@ fn push(columns: &mut Columns, values: impl Iterator<Item = f64>, line: u64) {
 }
 
 /// The unit of stamps of which nothing is stated, by the name of their column and what they are, and what the user should be told
-/// of it, where they are not of seconds.
+/// of it, where they are not of seconds, or may not be.
 pub fn unit_of_stamps(column: &str, stamps: &[f64]) -> (TimeUnit, Option<String>) {
-    guessed(column, stamps)
+    guessed(column, stamps, None)
 }
 
-fn guessed(column: &str, stamps: &[f64]) -> (TimeUnit, Option<String>) {
+/// The same, where the case may state the step, s.
+fn guessed(column: &str, stamps: &[f64], step_s: Option<f64>) -> (TimeUnit, Option<String>) {
     let seconds = (TimeUnit::Second, None);
     let present: Vec<f64> = stamps.iter().copied().filter(|stamp| stamp.is_finite()).collect();
     let Some(&first) = present.first() else { return seconds };
@@ -260,19 +270,26 @@ fn guessed(column: &str, stamps: &[f64]) -> (TimeUnit, Option<String>) {
         let year = 1970.0 + first * unit.in_seconds() / 31_556_952.0;
         return told(unit, format!("{unit} since 1970, which begin in {year:.0}"));
     }
+    if let Some(step_s) = step_s.filter(|_| steps.len() >= FEWEST_STEPS) {
+        let near = |unit: &TimeUnit| NEAR_STATED.contains(&(step * unit.in_seconds() / step_s));
+        return match smaller().find(near) {
+            Some(unit) => told(unit, format!("{unit}, of which {step} are near recording.step_s = {step_s}")),
+            None => seconds,
+        };
+    }
     let whole = present.iter().all(|stamp| stamp.fract() == 0.0);
     if !whole || !step.is_finite() || step < ASKED_FROM || EPOCH_S.contains(&first) {
         return seconds;
     }
-    let of_hours = HOUR_S % step == 0.0 || step % HOUR_S == 0.0;
-    if step >= NOT_SECONDS_FROM && !of_hours {
-        let of_sensors = |unit: &TimeUnit| STEPS_S.contains(&(step * unit.in_seconds()));
-        if let Some(unit) = smaller().find(of_sensors) {
-            let step_s = rounded(step * unit.in_seconds());
-            return told(unit, format!("{unit}: whole numbers {step} apart are steps of {step_s} s"));
-        }
+    let of_sensors = |unit: &TimeUnit| STEPS_S.contains(&(step * unit.in_seconds()));
+    let Some(unit) = smaller().find(of_sensors) else { return seconds };
+    let small_s = rounded(step * unit.in_seconds());
+    let of_hours = step <= LONGEST_STEP_S && (HOUR_S % step == 0.0 || step % HOUR_S == 0.0);
+    if step < NOT_SECONDS_FROM || of_hours {
+        let why = format!("s: whole numbers {step} apart are steps of {step} s, or of {small_s} s in {unit}");
+        return told(TimeUnit::Second, why);
     }
-    seconds
+    told(unit, format!("{unit}: whole numbers {step} apart are steps of {small_s} s"))
 }
 
 /// The unit that stands at the end of the name of a time column: `t [ns]`, `time_us`, `TimeUS`, `stamp(ms)`.
@@ -331,16 +348,40 @@ mod tests {
             (0.0, 2500.0, TimeUnit::Microsecond),
             (183_746_000.0, 4_000_000.0, TimeUnit::Nanosecond),
         ] {
-            let (found, said) = guessed("t", &steps(first, step));
+            let (found, said) = guessed("t", &steps(first, step), None);
             assert_eq!(found, unit, "{first} {step}");
             assert!(said.unwrap().contains(&format!("time_unit = \"{unit}\"")));
         }
-        for (first, step) in
-            [(0.0, 0.01), (1.7e9, 1.0), (1.7e9, 3600.0), (0.0, 66.0), (0.0, 900.0), (0.0, 86_400.0)]
-        {
-            assert_eq!(guessed("t", &steps(first, step)), (TimeUnit::Second, None), "{first} {step}");
+        for (first, step) in [(0.0, 0.01), (0.0, 1.0), (1.7e9, 1.0), (1.7e9, 3600.0)] {
+            assert_eq!(guessed("t", &steps(first, step), None), (TimeUnit::Second, None), "{first} {step}");
         }
+        // Eighteen million hours are no step, of nanoseconds they are 18 ms.
+        assert_eq!(guessed("t", &steps(0.0, 1.8e7), None).0, TimeUnit::Nanosecond);
+    }
+
+    /// Steps of 2 to 500 may be of seconds or of milliseconds: it is said, unless the case states the step.
+    #[test]
+    fn steps_that_may_be_of_seconds_or_less_are_said_or_told_by_the_stated_step() {
+        for (step, other) in
+            [(2.0, "ms"), (10.0, "ms"), (66.0, "ms"), (400.0, "ms"), (900.0, "us"), (86_400.0, "us")]
+        {
+            let stamps = steps(0.0, step);
+            let (found, said) = guessed("t", &stamps, None);
+            let said = said.unwrap_or_default();
+            assert_eq!(found, TimeUnit::Second, "{step}");
+            assert!(said.contains(&format!("s in {other}; say recording.time_unit = \"s\"")), "{said}");
+            assert_eq!(guessed("t", &stamps, Some(step)), (TimeUnit::Second, None), "{step}");
+            let (found, said) = guessed("t", &stamps, Some(step / 1000.0));
+            assert_eq!(found, TimeUnit::Millisecond, "{step}");
+            assert!(said.is_some_and(|said| said.contains("recording.step_s")), "{step}");
+        }
+        // Of milliseconds with decimals.
+        assert_eq!(guessed("t", &steps(0.25, 10.04), Some(0.01)).0, TimeUnit::Millisecond);
+        // A jump is no step.
+        assert_eq!(guessed("t", &[0.0, 1e9], Some(1.0)), (TimeUnit::Second, None));
+        // A step that fits no unit is not for the unit to mend.
+        assert_eq!(guessed("t", &steps(0.0, 50.0), Some(1.0)), (TimeUnit::Second, None));
         // A name that the stamps contradict says nothing.
-        assert_eq!(guessed("time_ns", &steps(0.0, 0.01)).0, TimeUnit::Second);
+        assert_eq!(guessed("time_ns", &steps(0.0, 0.01), None).0, TimeUnit::Second);
     }
 }
