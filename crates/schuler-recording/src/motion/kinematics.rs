@@ -533,6 +533,35 @@ mod tests {
         assert!((found[2][30] - mean).abs() < 1e-3 * mean.abs());
     }
 
+    /// Over two steps it would be 658 ppm too small; so it is where there is one neighbour on either side.
+    #[test]
+    fn a_motion_of_one_hertz_at_a_hundred_is_right_within_a_millionth() {
+        let (rows, step_s, omega) = (2000, 0.01, 2.0 * PI);
+        let time_s: Vec<f64> = (0..rows).map(|row| row as f64 * step_s).collect();
+        let sine = |of: f64| -> Vec<f64> { time_s.iter().map(|time| of * (omega * time).sin()).collect() };
+        let level = [vec![0.0; rows], vec![0.0; rows], vec![0.0; rows]];
+        let (mut attitude, mut velocity) = (level.clone(), level.clone());
+        (attitude[0], velocity[0]) = (sine(0.3), sine(2.0));
+        for column in attitude.iter_mut().chain(&mut velocity) {
+            column[900] = f64::NAN;
+        }
+        for purpose in [Use::Prediction, Use::Input, Use::Instant] {
+            let rate = inertial_rate(&time_s, &attitude, None, 0.0, 0.0, purpose);
+            let force = specific_force(&time_s, &level, Some(&velocity), 0.0, 0.0, purpose);
+            let mut taken = 0;
+            for (row, time) in time_s.iter().enumerate() {
+                let alone = [1, 898, 902, rows - 2].contains(&row) && purpose != Use::Prediction;
+                let found = vector(&rate, row).zip(vector(&force, row)).filter(|_| !alone);
+                let Some((rate, force)) = found else { continue };
+                let cosine = omega * (omega * time).cos();
+                assert!((rate.x - earth::ROTATION_RATE - 0.3 * cosine).abs() < 0.3e-6 * omega, "{row}");
+                assert!((force.x - 2.0 * cosine).abs() < 2e-6 * omega, "{purpose:?} {row}");
+                taken += 1;
+            }
+            assert!(taken > rows - 80, "{purpose:?}: {taken} rows");
+        }
+    }
+
     /// Seconds of 1970 in 64 bits: over steps that are rounded, a rate of 1 rad/s would be wrong by 4 · 10⁻⁶ rad/s.
     #[test]
     fn rounded_stamps_do_not_show_in_a_rate() {
