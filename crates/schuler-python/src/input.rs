@@ -85,7 +85,8 @@ fn numbers(
     } else {
         array
     };
-    let array = numpy.call_method1("ascontiguousarray", (array, "f8"))?;
+    // `ascontiguousarray` leaves an array that is not aligned as it is.
+    let array = numpy.call_method1("require", (array, "f8", ["C", "A", "E"]))?;
     Ok(array.cast::<PyArrayDyn<f64>>()?.readonly().as_slice()?.to_vec())
 }
 

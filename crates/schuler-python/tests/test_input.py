@@ -51,7 +51,13 @@ def test_memory_may_lie_in_any_order() -> None:
     random = np.random.default_rng(1)
     z = random.standard_normal(400) * 0.05
     expected = schuler.ErrorFilter(R1).run(z[::2].copy())
-    for other in (z[::2], z[::2].astype(">f8"), list(z[::2]), tuple(z[::2])):
+    # A column of packed records begins at odd addresses; a copy of its bytes at one is contiguous, too.
+    packed = np.zeros(200, dtype=[("flag", "u1"), ("z", "<f8")])
+    packed["z"] = z[::2]
+    unaligned = np.frombuffer(b"\0" + z[::2].tobytes(), dtype="f8", offset=1)
+    swapped = np.frombuffer(b"\0" + z[::2].astype(">f8").tobytes(), dtype=">f8", offset=1)
+    assert not (packed["z"].flags.aligned or unaligned.flags.aligned)
+    for other in (z[::2], z[::2].astype(">f8"), packed["z"], unaligned, swapped, list(z[::2]), tuple(z[::2])):
         np.testing.assert_array_equal(schuler.ErrorFilter(R1).run(other).estimate, expected.estimate)
     backwards = schuler.ErrorFilter(R1).run(z[::2][::-1][::-1])
     np.testing.assert_array_equal(backwards.estimate, expected.estimate)
