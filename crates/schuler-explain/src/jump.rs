@@ -45,12 +45,13 @@ const SHORTEST_STAY_ROWS: usize = 4;
 /// Stays that long, on as well as off; with fewer it is a step, or glitches.
 const FEWEST_STAYS: usize = 2;
 
-/// Amplitude and probabilities, a row, of switching on and off.
+/// Amplitude and probabilities, a row, of switching on and off, and the part of the rows that it is on.
 #[derive(Clone, Copy, Debug)]
 struct Telegraph {
     amplitude: f64,
     on: f64,
     off: f64,
+    mean: f64,
 }
 
 impl Telegraph {
@@ -208,6 +209,7 @@ fn starts(part: Markov, step_s: f64) -> Vec<Telegraph> {
             amplitude: sign * amplitude,
             on: rate * on,
             off: rate * (1.0 - on),
+            mean: on,
         })
     };
     PARTS_ON.into_iter().flat_map(of).collect()
@@ -282,7 +284,10 @@ impl Decoder<'_> {
             for _ in 0..ITERATIONS {
                 let Some(amplitude) = amplitude_of(decoded) else { break };
                 let [on, off] = rates(&decoded.on);
-                let Some(next) = self.decode(Telegraph { amplitude, on, off }) else { break };
+                // That of the rows, which few switchings tell from that of the rates.
+                let is_on = decoded.on.iter().filter(|&&on| on).count();
+                let mean = is_on as f64 / decoded.on.len() as f64;
+                let Some(next) = self.decode(Telegraph { amplitude, on, off, mean }) else { break };
                 if next.gain <= decoded.gain {
                     break;
                 }
@@ -295,13 +300,13 @@ impl Decoder<'_> {
 
     /// The likeliest history under a telegraph and the sum over all that were kept.
     fn decode(&self, telegraph: Telegraph) -> Option<Decoded> {
-        let Telegraph { amplitude, on, off } = telegraph;
+        let Telegraph { amplitude, on, off, mean } = telegraph;
         if !(amplitude.is_finite() && amplitude != 0.0 && on > 0.0 && off > 0.0) {
             return None;
         }
         let (rows, m) = (self.filter.rows(), self.channels);
         let weights: Vec<f64> = self.weights.iter().map(|weight| weight * amplitude.abs()).collect();
-        let base = if self.centred { telegraph.part_on() } else { 0.0 };
+        let base = if self.centred { mean } else { 0.0 };
         // ln P(off now), ln P(on now), where it was off before and on.
         let turned = [[(-on).ln_1p(), on.ln()], [off.ln(), (-off).ln_1p()]];
         let start = |on: bool, part: f64| History { on, weight: part.ln(), parent: 0, likeliest: part.ln() };

@@ -5,17 +5,17 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 use super::amplitude::{ln_plausibility, ln_prior};
 use super::regressor::{Regressor, regressors};
-use super::system::{Described, Solved, System, root_of};
+use super::system::{Described, Solved, System, left_beside, root_of};
 use crate::catalogue::{Column, NoiseChange, Port};
 use crate::description::{Delays, Term};
 use crate::noise::{Knob, Noise};
 use crate::second::bands::sums::Sums;
 use crate::second::evidence::late::{delays_of, late_columns};
-use crate::second::noise::fit::{Observed, SourceKnob, occam};
+use crate::second::noise::fit::{Observed, SourceKnob};
 use crate::second::noise::trust::ln_mean;
 use crate::second::noise::weights::{Covariances, Weights};
 use crate::second::problem::Problem;
@@ -302,11 +302,12 @@ impl<'b> Bench<'b> {
         let mut nu = description.blocks[index].as_ref().map_or(f64::INFINITY, |fit| fit.nu);
         let (mut cost, mut sigmas) = (0.0, Vec::new());
         if !free.is_empty() {
-            let observed = Observed { block, sums, power: &power, nu };
+            let noise_level_range = config.noise_level_range;
+            let observed = Observed { block, sums, power: &power, nu, noise_level_range };
             let tolerance = if round == 0 { 0.1 } else { 0.5 * config.fit_tolerance };
             let fitted = observed.fit(&description.noises, &free, tolerance)?;
             description.noises = fitted.noises;
-            cost = occam(&fitted.sigmas, &free, block, sums.rows(), config);
+            cost = fitted.ln_cost;
             sigmas = free.iter().copied().zip(fitted.sigmas).collect();
         }
         let covariances = Covariances::new(block, sums, &description.noises)?;
@@ -348,11 +349,7 @@ impl<'b> Bench<'b> {
             let with_constants = solved.normal.view((0, first), (constants, count)).into_owned();
             first += count;
             let information = match &constant_root {
-                Some(root) => {
-                    let columns: Vec<DVector<f64>> =
-                        with_constants.column_iter().map(|column| root.solve(&column.into_owned())).collect();
-                    products - with_constants.tr_mul(&DMatrix::from_columns(&columns))
-                }
+                Some(root) => left_beside(products, &with_constants, root),
                 None => products,
             };
             let amplitudes = DVector::from_column_slice(&values);

@@ -177,6 +177,13 @@ impl Root {
     }
 }
 
+/// What is left of the information `own` where others are free, of which `between` are the products with it.
+pub fn left_beside(own: DMatrix<f64>, between: &DMatrix<f64>, others: &Root) -> DMatrix<f64> {
+    let columns: Vec<DVector<f64>> =
+        between.column_iter().map(|column| others.solve(&column.into_owned())).collect();
+    own - between.tr_mul(&DMatrix::from_columns(&columns))
+}
+
 /// Root of a normal matrix; none of one that is singular.
 pub fn root_of(normal: &DMatrix<f64>) -> Option<Root> {
     let lengths = normal.diagonal().map(|value| value.max(0.0).sqrt());

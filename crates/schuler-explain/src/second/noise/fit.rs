@@ -2,6 +2,8 @@
 //!
 //! The log-likelihood of a band changes with a parameter θ by ½ (ω R/S − K) ∂ln S/∂θ, of which the expected second derivative
 //! is some ½ K ν/(ν + K) (∂ln S/∂θ)². Parameters are logarithms. Steps that do not gain are halved.
+use std::f64::consts::PI;
+
 use nalgebra::{DMatrix, DVector};
 
 use super::parts::{bounds, ln_range};
@@ -10,7 +12,6 @@ use super::weights::{Covariances, levels};
 use crate::noise::{Knob, Noise};
 use crate::nominal::Block;
 use crate::second::bands::sums::Sums;
-use crate::second::config::Config;
 
 /// Difference of a logarithm by which derivatives are taken.
 const DIFFERENCE: f64 = 1e-3;
@@ -34,6 +35,8 @@ pub struct Observed<'o> {
     pub power: &'o [DMatrix<f64>],
     /// Degrees of freedom of the bands' levels.
     pub nu: f64,
+    /// Range of ln σ of a part before the record is seen ([`Config::noise_level_range`](crate::second::config::Config)).
+    pub noise_level_range: f64,
 }
 
 /// Fitted parameters.
@@ -42,8 +45,10 @@ pub struct Fitted {
     pub noises: Vec<Noise>,
     /// Their log-likelihood.
     pub log_likelihood: f64,
-    /// Standard deviations of the logarithms of the free parameters.
+    /// Standard deviations of the logarithms of the free parameters, by the record and their range.
     pub sigmas: Vec<f64>,
+    /// What the evidence loses by their being free, nats.
+    pub ln_cost: f64,
 }
 
 impl Observed<'_> {
@@ -171,10 +176,14 @@ impl Observed<'_> {
                 break;
             }
         }
-        let inverse = information.clone().try_inverse();
-        let sigma = |i: usize| inverse.as_ref().map_or(f64::INFINITY, |it| it[(i, i)].max(0.0).sqrt());
-        let sigmas = (0..free.len()).map(sigma).collect();
-        Some(Fitted { noises: best, log_likelihood: reached, sigmas })
+        let ranges: Vec<f64> = free
+            .iter()
+            .map(|&(_, knob)| {
+                ln_range(knob, self.block.step_s(), duration_s, self.noise_level_range) / (2.0 * PI).sqrt()
+            })
+            .collect();
+        let (sigmas, ln_cost) = left_of(&information, &ranges)?;
+        Some(Fitted { noises: best, log_likelihood: reached, sigmas, ln_cost })
     }
 
     /// Root mean square of the residual before it was whitened, as far as its spectrum by bands tells.
@@ -208,12 +217,16 @@ fn raised(noises: &[Noise], (source, knob): SourceKnob) -> Noise {
     noise
 }
 
-/// What the evidence loses by the parameters that are free: the logarithm of the part of their range that they are left with.
-pub fn occam(fitted: &[f64], free: &[SourceKnob], block: &Block, rows: usize, config: &Config) -> f64 {
-    let duration_s = rows as f64 * block.step_s();
-    let of = |(sigma, &(_, knob)): (&f64, &SourceKnob)| {
-        let range = ln_range(knob, block.step_s(), duration_s, config.noise_level_range);
-        ((2.0 * std::f64::consts::PI).sqrt() * sigma / range).ln().min(0.0)
-    };
-    fitted.iter().zip(free).map(of).sum()
+/// Standard deviations that parameters are left with where a normal prior of the deviations `prior` meets `information`, and the
+/// logarithm of the part of the prior's volume that is left. Parameters of which only a combination is known are free along the
+/// rest of their range, and cost what that combination does.
+pub fn left_of(information: &DMatrix<f64>, prior: &[f64]) -> Option<(Vec<f64>, f64)> {
+    let in_units = DMatrix::from_fn(prior.len(), prior.len(), |i, j| {
+        f64::from(u8::from(i == j)) + prior[i] * information[(i, j)] * prior[j]
+    });
+    let root = in_units.cholesky()?;
+    let ln_part = -root.l_dirty().diagonal().iter().map(|value| value.ln()).sum::<f64>();
+    let covariance = root.inverse();
+    let sigmas = prior.iter().enumerate().map(|(i, prior)| prior * covariance[(i, i)].sqrt()).collect();
+    Some((sigmas, ln_part))
 }

@@ -5,8 +5,9 @@ use rayon::prelude::*;
 
 use super::known::Known;
 use super::library::Shelf;
-use super::moves::{Item, items, reached_by, structure, with_one_more, without};
+use super::moves::{Item, items, reached_by, structure, with_one_more, without, without_several};
 use super::telegraph::with_telegraph;
+use crate::catalogue::Search;
 use crate::second::evidence::fit::{Bench, Description};
 
 /// The descriptions of a search, the best first, one of each structure.
@@ -76,11 +77,31 @@ impl Kept {
         }
     }
 
-    /// Seeks a telegraph beside the best description and in the place of each of its items; whether there is a better one by it.
+    /// Seeks a telegraph beside the best description, in the place of each of its items, and in that of all steps, of all effects
+    /// and of all that is in a block: what jumps often was told as many steps. Whether there is a better one by it.
     fn jump(&mut self, bench: &Bench<'_>) -> bool {
         let best = self.known[0].1.clone();
         let mut bases: Vec<Description> =
             neighbours_below(bench, &best).into_iter().map(|(base, _)| base).collect();
+        let is_onset = |&item: &Item| match item {
+            Item::Placed(place) => {
+                let candidate = best.placed[place].term.candidate;
+                matches!(bench.problem.candidates[candidate].search, Search::Onset(_))
+            }
+            Item::Change(_) => false,
+        };
+        for block in 0..bench.sums.len() {
+            let all: Vec<Item> = (items(&best).into_iter())
+                .filter(|&item| reached_by(bench, &best, item) == [block])
+                .collect();
+            let onsets: Vec<Item> = all.iter().copied().filter(is_onset).collect();
+            let effects = all.iter().copied().filter(|item| matches!(item, Item::Placed(_)));
+            let mut sets = vec![onsets, effects.collect(), all];
+            sets.dedup();
+            for several in sets.into_iter().filter(|several| several.len() > 1) {
+                bases.extend(without_several(bench, &best, &several));
+            }
+        }
         bases.push(best.clone());
         let found: Vec<Description> =
             bases.par_iter().flat_map_iter(|base| with_telegraph(bench, base)).collect();

@@ -1,7 +1,6 @@
 //! Every signature of a fixed shape: linear ones, and every point of the grids of others.
 use std::sync::Arc;
 
-use nalgebra::DVector;
 use rayon::prelude::*;
 
 use super::beside::Beside;
@@ -13,7 +12,8 @@ use crate::second::bands::sums::Sums;
 use crate::second::evidence::fit::{Bench, Description, Placed};
 use crate::second::evidence::late::{delays_of, late_columns};
 use crate::second::evidence::regressor::{Regressor, regressors};
-use crate::second::evidence::system::{Described, root_of};
+use crate::second::evidence::system::{Described, left_beside, root_of};
+use crate::second::noise::fit::left_of;
 use crate::second::noise::trust::ln_mean;
 use crate::second::problem::Problem;
 
@@ -297,17 +297,21 @@ impl Refine<'_> {
         let root = root_of(&information)?;
         let solved = root.solve(&scores.rows(fixed, all.len() - fixed).into_owned());
         let from = all.len() - fixed - size;
-        let mut ln_width = 0.0;
         let mut step = Vec::with_capacity(size);
+        let mut ranges = Vec::with_capacity(size);
         for axis in 0..size {
             let cell = self.cell(axis, point[axis]);
             step.push(solved[from + axis].clamp(-cell, cell));
-            let mut unit = DVector::zeros(information.nrows());
-            unit[from + axis] = 1.0;
-            let variance = root.solve(&unit)[from + axis];
-            let range = cell * self.parameters[axis].grid.len() as f64;
-            ln_width += 0.5 * (2.0 * std::f64::consts::PI * variance).ln() - range.ln();
+            ranges.push(cell * self.parameters[axis].grid.len() as f64 / (2.0 * std::f64::consts::PI).sqrt());
         }
+        let own = information.view((from, from), (size, size)).into_owned();
+        let own = if from == 0 {
+            own
+        } else {
+            let of_amplitudes = root_of(&information.view((0, 0), (from, from)).into_owned())?;
+            left_beside(own, &information.view((0, from), (from, size)).into_owned(), &of_amplitudes)
+        };
+        let (_, ln_width) = left_of(&own, &ranges)?;
         Some((step, ln_width))
     }
 }

@@ -38,20 +38,31 @@ pub fn reached_by(bench: &Bench<'_>, description: &Description, item: Item) -> V
 
 /// A description without an item, fitted.
 pub fn without(bench: &Bench<'_>, description: &Description, item: Item) -> Option<Description> {
-    let touched = reached_by(bench, description, item);
+    without_several(bench, description, &[item])
+}
+
+/// A description without some of its items, fitted.
+pub fn without_several(
+    bench: &Bench<'_>,
+    description: &Description,
+    several: &[Item],
+) -> Option<Description> {
+    let mut touched: Vec<usize> =
+        several.iter().flat_map(|&item| reached_by(bench, description, item)).collect();
+    touched.sort_unstable();
+    touched.dedup();
+    let stays = |item: Item| !several.contains(&item);
     let mut less = description.clone();
-    match item {
-        Item::Placed(place) => {
-            less.placed.remove(place);
+    less.placed = (description.placed.iter().enumerate())
+        .filter_map(|(place, placed)| stays(Item::Placed(place)).then(|| placed.clone()))
+        .collect();
+    for place in (0..description.changes.len()).rev().filter(|&place| !stays(Item::Change(place))) {
+        let change = less.changes.remove(place);
+        // The record is whitened by a level, so that it stays.
+        if change.is_level() {
+            return None;
         }
-        Item::Change(place) => {
-            let change = less.changes.remove(place);
-            // The record is whitened by a level, so that it stays.
-            if change.is_level() {
-                return None;
-            }
-            take_back(bench, &mut less, &change);
-        }
+        take_back(bench, &mut less, &change);
     }
     bench.fitted(&less, &touched)
 }

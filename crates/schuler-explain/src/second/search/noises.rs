@@ -9,7 +9,7 @@ use crate::description::sensors_of;
 use crate::noise::{Knob, Noise};
 use crate::second::evidence::fit::{Bench, Change, Description};
 use crate::second::evidence::system::System;
-use crate::second::noise::fit::{Observed, SourceKnob, occam};
+use crate::second::noise::fit::{Observed, SourceKnob};
 use crate::second::noise::parts::{Start, starts};
 
 /// Starts of a change of noise, those that fit best, from which it is fitted.
@@ -79,8 +79,9 @@ fn of_block(bench: &Bench<'_>, description: &Description, others: &[Other], inde
     let block = &problem.model.blocks[index];
     let system = System { sums: &bench.sums, weights: &description.weights };
     let power = system.power_left(index, &description.described(bench), &description.amplitudes);
-    let observed = Observed { block, sums, power: &power, nu: fit.nu };
-    let here = observed.log_likelihood(&description.noises);
+    let noise_level_range = problem.config.noise_level_range;
+    let observed = Observed { block, sums, power: &power, nu: fit.nu, noise_level_range };
+    let here = observed.log_likelihood(&description.noises) + fit.occam;
     let of_sources = others.iter().filter(|other| block.sources.contains(&other.source));
     let mut promised: Vec<Promised> = of_sources
         .filter_map(|other| best_of(bench, description, &observed, *other))
@@ -95,7 +96,7 @@ fn of_block(bench: &Bench<'_>, description: &Description, others: &[Other], inde
     promised
 }
 
-/// A change at its best.
+/// A change at its best, what else is free of the block at its best beside it.
 fn best_of(
     bench: &Bench<'_>,
     description: &Description,
@@ -120,10 +121,10 @@ fn best_of(
     starts.sort_by(|a, b| b.0.total_cmp(&a.0));
     starts.truncate(STARTS);
     let fitted = starts.into_iter().filter_map(|(_, knobs, noises)| {
-        let free: Vec<SourceKnob> = knobs.iter().map(|&knob| (source, knob)).collect();
+        let new = knobs.iter().map(|&knob| (source, knob)).filter(|knob| !known.contains(knob));
+        let free: Vec<SourceKnob> = known.iter().copied().chain(new).collect();
         let fitted = observed.fit(&noises, &free, TOLERANCE)?;
-        let cost = occam(&fitted.sigmas, &free, block, rows, problem.config);
-        let ln_gain = fitted.log_likelihood + cost + problem.ln_prior[candidate];
+        let ln_gain = fitted.log_likelihood + fitted.ln_cost + problem.ln_prior[candidate];
         let change = Change { candidate, source, change, knobs, ln_cost: 0.0 };
         Some(Promised { ln_gain, change, noises: fitted.noises, block: index })
     });

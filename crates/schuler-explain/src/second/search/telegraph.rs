@@ -90,7 +90,8 @@ fn further_markov(
     let system = System { sums: &bench.sums, weights: &description.weights };
     let power = system.power_left(index, &description.described(bench), &description.amplitudes);
     let nu = description.blocks[index].as_ref()?.nu;
-    let observed = Observed { block, sums, power: &power, nu };
+    let noise_level_range = bench.problem.config.noise_level_range;
+    let observed = Observed { block, sums, power: &power, nu, noise_level_range };
     let here = observed.log_likelihood(&description.noises);
     let duration_s = sums.rows() as f64 * block.step_s();
     let noise = &description.noises[source];
