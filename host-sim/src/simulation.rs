@@ -820,96 +820,66 @@ fn sensors(scenario: &Scenario) -> Vec<Sensor> {
         for ((id, axis), readout) in ids.into_iter().zip(axes).zip(&d.readout) {
             let Some(id) = id else { continue };
             all.push(Sensor {
-                id: id.clone(),
-                kind: SensorKind::Dtg,
-                column: id.clone(),
-                predicted: None,
-                predicted_unit: None,
-                unit: entry.unit,
                 axis: Some(axis.into()),
                 group: entry.group.clone(),
                 spin_axis: Some(z.into()),
                 quantisation: rounding(&readout.conversion, entry.unit.in_si()),
                 relative: entry.relative,
-                grade: None,
-                scale: None,
-                nominal: entry.nominal.clone(),
+                ..sensor(id, SensorKind::Dtg, entry.unit, &entry.nominal)
             });
         }
     }
     for entry in &scenario.fogs {
         all.push(Sensor {
-            id: entry.id.clone(),
-            kind: SensorKind::Fog,
-            column: entry.id.clone(),
-            predicted: None,
-            predicted_unit: None,
-            unit: entry.unit,
             axis: Some(entry.design.input_axis.into()),
             group: entry.group.clone(),
-            spin_axis: None,
             quantisation: rounding(&entry.design.readout.conversion, entry.unit.in_si()),
             relative: entry.relative,
-            grade: None,
-            scale: None,
-            nominal: entry.nominal.clone(),
+            ..sensor(&entry.id, SensorKind::Fog, entry.unit, &entry.nominal)
         });
     }
     for entry in scenario.accelerometers.iter().filter(|entry| entry.recorded) {
         all.push(Sensor {
-            id: entry.id.clone(),
-            kind: SensorKind::Accelerometer,
-            column: entry.id.clone(),
-            predicted: None,
-            predicted_unit: None,
-            unit: entry.unit,
             axis: Some(entry.design.input_axis.into()),
             group: entry.group.clone(),
-            spin_axis: None,
             quantisation: rounding(&entry.design.readout.conversion, entry.unit.in_si()),
             relative: entry.relative,
-            grade: None,
-            scale: None,
-            nominal: entry.nominal.clone(),
+            ..sensor(&entry.id, SensorKind::Accelerometer, entry.unit, &entry.nominal)
         });
     }
     for entry in &scenario.dopplers {
         all.push(Sensor {
-            id: entry.id.clone(),
-            kind: SensorKind::Doppler,
-            column: entry.id.clone(),
-            predicted: None,
-            predicted_unit: None,
-            unit: Unit::MetrePerSecond,
             axis: Some(entry.design.axis.into()),
             group: entry.group.clone(),
-            spin_axis: None,
             quantisation: rounding(&entry.design.readout.conversion, 1.0),
-            relative: false,
-            grade: None,
-            scale: None,
-            nominal: entry.nominal.clone(),
+            ..sensor(&entry.id, SensorKind::Doppler, Unit::MetrePerSecond, &entry.nominal)
         });
     }
     if let Some(entry) = &scenario.schuler_loop {
-        all.push(Sensor {
-            id: entry.id.clone(),
-            kind: SensorKind::InsVelocity,
-            column: entry.id.clone(),
-            predicted: None,
-            predicted_unit: None,
-            unit: Unit::MetrePerSecond,
-            axis: None,
-            group: None,
-            spin_axis: None,
-            quantisation: 0.0,
-            relative: false,
-            grade: None,
-            scale: None,
-            nominal: Nominal { white: entry.nominal.velocity_white, ..Nominal::default() },
-        });
+        let nominal = Nominal { white: entry.nominal.velocity_white, ..Nominal::default() };
+        all.push(sensor(&entry.id, SensorKind::InsVelocity, Unit::MetrePerSecond, &nominal));
     }
     all
+}
+
+/// A sensor in a column of its name of which no more is stated.
+fn sensor(id: &str, kind: SensorKind, unit: Unit, nominal: &Nominal) -> Sensor {
+    Sensor {
+        id: id.to_owned(),
+        kind,
+        column: id.to_owned(),
+        predicted: None,
+        predicted_unit: None,
+        unit,
+        axis: None,
+        group: None,
+        spin_axis: None,
+        quantisation: 0.0,
+        relative: false,
+        grade: None,
+        scale: None,
+        nominal: nominal.clone(),
+    }
 }
 
 fn auxiliaries(scenario: &Scenario) -> Vec<Auxiliary> {
