@@ -1,4 +1,4 @@
-//! What is in no catalogue: a smooth function of a recorded quantity, or of the time.
+//! What is in no catalogue: a smooth function of a recorded quantity, or of the time, and a product of two quantities.
 //!
 //! Without such a rival whatever stands nearest in the catalogue would be named as surely as what is there.
 use std::f64::consts::PI;
@@ -11,7 +11,7 @@ const TERMS: usize = 6;
 
 pub(super) const UNNAMED: Effect = Effect {
     id: "unexplained",
-    formula: "Σ aⱼ cos πjr, r the rank of a recorded quantity, or the time, from 0 to 1",
+    formula: "Σ aⱼ cos πjr, r the rank of a recorded quantity, or the time, from 0 to 1; a cos πr cos πs of two quantities",
     sentence: "depends on a quantity as no effect of the catalogue does",
     needs: "a quantity that varies",
     separated_by: "vary that quantity alone",
@@ -21,7 +21,7 @@ pub(super) const UNNAMED: Effect = Effect {
         let of_time = (String::from("time"), inputs.time_s.to_vec());
         let recorded = inputs.conditions().into_iter().map(|it| (it.name, it.values.to_vec()));
         let quantities: Vec<(String, Vec<f64>)> = std::iter::once(of_time).chain(recorded).collect();
-        let bases: Vec<(String, Vec<Vec<f64>>)> = (quantities.into_iter())
+        let cosines: Vec<(String, Vec<Vec<f64>>)> = (quantities.into_iter())
             .map(|(name, values)| {
                 let ranks = ranks(&values);
                 let cosine =
@@ -29,6 +29,8 @@ pub(super) const UNNAMED: Effect = Effect {
                 (name, (1..=TERMS).map(cosine).collect())
             })
             .collect();
+        let products = products(&cosines[1..]);
+        let bases: Vec<(String, Vec<Vec<f64>>)> = cosines.into_iter().chain(products).collect();
         at_each_place(effect, inputs, |place| {
             let draft = |(name, columns): &(String, Vec<Vec<f64>>)| {
                 let columns = columns.iter().enumerate().map(|(j, values)| {
@@ -41,6 +43,16 @@ pub(super) const UNNAMED: Effect = Effect {
         })
     },
 };
+
+/// The products of the first cosines of each two quantities.
+fn products(cosines: &[(String, Vec<Vec<f64>>)]) -> Vec<(String, Vec<Vec<f64>>)> {
+    let product = |(one, of_one): &(String, Vec<Vec<f64>>), (other, of_other): &(String, Vec<Vec<f64>>)| {
+        let values = of_one[0].iter().zip(&of_other[0]).map(|(a, b)| a * b).collect();
+        (format!("{one} and {other}"), vec![values])
+    };
+    let beside = |place: usize| cosines[place + 1..].iter().map(move |other| product(&cosines[place], other));
+    (0..cosines.len()).flat_map(beside).collect()
+}
 
 /// Ranks of values from 0 to 1, equal ones alike.
 fn ranks(values: &[f64]) -> Vec<f64> {

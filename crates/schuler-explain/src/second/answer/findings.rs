@@ -24,23 +24,32 @@ pub fn findings(rows: &OverRows<'_>, posterior: &[Posterior]) -> Vec<Finding> {
         };
         posterior.probability() >= bench.problem.config.told_at
             && !is_unstated
-            && !is_unnamed(bench, posterior)
+            && unnamed_in(bench, description, posterior).is_none()
     };
     posterior.iter().filter(is_told).map(|posterior| finding(bench, description, posterior)).collect()
 }
 
-/// Whether it is most probably in no catalogue.
-fn is_unnamed(bench: &Bench<'_>, posterior: &Posterior) -> bool {
-    let first = posterior.class.first().and_then(|(member, _)| bench.problem.candidates.get(*member));
-    first.is_some_and(|candidate| candidate.effect.is_unnamed())
+/// What is in no catalogue, where that describes it or is most probable.
+fn unnamed_in<'b>(
+    bench: &'b Bench<'_>,
+    description: &Description,
+    posterior: &Posterior,
+) -> Option<&'b Candidate> {
+    let own = match posterior.item {
+        Item::Placed(place) => Some(description.placed[place].term.candidate),
+        Item::Change(_) => None,
+    };
+    let first = posterior.class.first().map(|(member, _)| *member);
+    let candidates = own.into_iter().chain(first).filter_map(|it| bench.problem.candidates.get(it));
+    candidates.into_iter().find(|candidate| candidate.effect.is_unnamed())
 }
 
 /// The dependences that are most probably in no catalogue, the surest of them; with all of them in words.
-pub fn unnamed(bench: &Bench<'_>, posterior: &[Posterior]) -> Option<Remainder> {
+pub fn unnamed(bench: &Bench<'_>, description: &Description, posterior: &[Posterior]) -> Option<Remainder> {
     let problem = bench.problem;
     let told: Vec<(&Posterior, &Candidate)> = (posterior.iter())
-        .filter(|it| it.probability() >= problem.config.told_at && is_unnamed(bench, it))
-        .filter_map(|it| Some((it, problem.candidates.get(it.class.first()?.0)?)))
+        .filter(|it| it.probability() >= problem.config.told_at)
+        .filter_map(|it| Some((it, unnamed_in(bench, description, it)?)))
         .collect();
     let on = |candidate: &Candidate| {
         candidate.variant.first().map_or_else(String::new, |(_, column)| column.clone())

@@ -43,7 +43,7 @@ pub fn told(searched: &Searched<'_>, prepared: &mut Prepared) -> (Explanation, C
     let mut found = findings::findings(&after, &posterior);
     found.extend(findings::of_readings(&after, prepared));
     findings::in_order(&mut found);
-    let unnamed = findings::unnamed(bench, &posterior);
+    let unnamed = findings::unnamed(bench, &best, &posterior);
     let remainder = unnamed.or_else(|| located::left(&after));
     let verdict = match (found.is_empty(), remainder.is_some()) {
         (true, false) => Verdict::NoMismatch,

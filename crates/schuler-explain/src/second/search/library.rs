@@ -22,8 +22,12 @@ const REFINED: usize = 4;
 const HALVED: usize = 3;
 /// Gain, nats, at which they are.
 const REFINED_TO: f64 = 0.05;
-/// Part of a cell of the grid to which a parameter is sought where steps lead nowhere.
+/// Part of a half step of the raster to which a frequency is sought.
 const SOUGHT_TO: f64 = 0.02;
+/// Values at which a parameter is tried where steps lead nowhere, and how often the interval is narrowed to the best of them: to some
+/// ten thousandth.
+const BETWEEN: usize = 12;
+const NARROWED: usize = 5;
 /// How often the distance to where the gain has fallen is halved.
 const HALVED_TO_THE_SIDE: usize = 8;
 /// Difference over which a signature is differentiated, of the distance of two points of the grid.
@@ -163,6 +167,15 @@ fn refined_frequency(beside: &Beside<'_>, candidate: &Candidate, frequency_hz: f
     golden(frequency_hz - half, (frequency_hz + half).min(highest), SOUGHT_TO * half, cost).0
 }
 
+/// A step of the parameters of a grid.
+struct Step {
+    step: Vec<f64>,
+    /// What it should gain, nats.
+    promised: f64,
+    /// Logarithm of the part of the grid that the parameters are left with.
+    ln_width: f64,
+}
+
 /// Parameters of a grid refined by Gauss–Newton steps.
 struct Refine<'r> {
     beside: &'r Beside<'r>,
@@ -205,9 +218,13 @@ impl Refine<'_> {
         let mut whitened = self.whitened(&self.columns(&here));
         let first = gain(&whitened);
         let (mut reached, mut ln_width) = (first, f64::NEG_INFINITY);
+        let mut is_smooth = false;
         for _ in 0..REFINED {
-            let Some((step, width)) = self.step(&described, &here, &whitened) else { break };
-            ln_width = width;
+            let Some(Step { step, promised, ln_width: width }) = self.step(&described, &here, &whitened)
+            else {
+                break;
+            };
+            (ln_width, is_smooth) = (width, promised < REFINED_TO);
             let mut scale = 1.0;
             let mut gained = 0.0;
             for _ in 0..HALVED {
@@ -229,8 +246,9 @@ impl Refine<'_> {
             if gained < REFINED_TO {
                 break;
             }
+            is_smooth = true;
         }
-        if let ([value], true) = (here.as_slice(), reached <= first) {
+        if let ([value], false) = (here.as_slice(), is_smooth) {
             let (value, ln_width) = self.sought(*value, reached, &gain);
             return (vec![value], ln_width.min(0.0));
         }
@@ -238,14 +256,26 @@ impl Refine<'_> {
         (here, if spread.is_finite() { spread.min(0.0) } else { of_grid })
     }
 
-    /// The one parameter sought between its neighbours on the grid, where steps lead nowhere: a threshold changes what it adds from
-    /// row to row. With the logarithm of the part of its range where the gain is no more than a nat less.
-    fn sought(&self, here: f64, reached: f64, gain: &dyn Fn(&[Regressor]) -> f64) -> (f64, f64) {
+    /// The one parameter sought between its neighbours on the grid, where steps do not lead to what they promise: a threshold
+    /// changes what it adds from row to row. With the logarithm of the part of its range where the gain is no more than a nat
+    /// less.
+    fn sought(&self, here: f64, reached: f64, gain: &(dyn Fn(&[Regressor]) -> f64 + Sync)) -> (f64, f64) {
         let [low, high] = self.neighbours(0, here);
         let cell = 0.5 * (high - low);
         let at = |value: f64| gain(&self.whitened(&self.columns(&[value])));
-        let (there, cost) = golden(low, high, SOUGHT_TO * cell, |value| -at(value));
-        let (best, most) = if -cost > reached { (there, -cost) } else { (here, reached) };
+        let (mut best, mut most) = (here, reached);
+        let (mut from, mut to) = (low, high);
+        for _ in 0..NARROWED {
+            let step = (to - from) / (BETWEEN + 1) as f64;
+            let values: Vec<f64> = (1..=BETWEEN).map(|k| from + k as f64 * step).collect();
+            let gains: Vec<f64> = values.par_iter().map(|&value| at(value)).collect();
+            for (value, gain) in values.into_iter().zip(gains) {
+                if gain > most {
+                    (best, most) = (value, gain);
+                }
+            }
+            (from, to) = ((best - step).max(low), (best + step).min(high));
+        }
         let side = |end: f64| {
             let (mut inside, mut outside) = (0.0, 1.0);
             for _ in 0..HALVED_TO_THE_SIDE {
@@ -259,13 +289,8 @@ impl Refine<'_> {
         (best, ((side(low) + side(high)) / range).ln())
     }
 
-    /// A Gauss–Newton step of the parameters, and the logarithm of the part of the grid that they are left with.
-    fn step(
-        &self,
-        described: &Described<'_>,
-        point: &[f64],
-        whitened: &[Regressor],
-    ) -> Option<(Vec<f64>, f64)> {
+    /// A Gauss–Newton step of the parameters.
+    fn step(&self, described: &Described<'_>, point: &[f64], whitened: &[Regressor]) -> Option<Step> {
         let own = self.beside.normal(described, whitened)?;
         let mut amplitudes = vec![0.0; whitened.len()];
         if self.is_unit {
@@ -312,7 +337,8 @@ impl Refine<'_> {
             left_beside(own, &information.view((0, from), (from, size)).into_owned(), &of_amplitudes)
         };
         let (_, ln_width) = left_of(&own, &ranges)?;
-        Some((step, ln_width))
+        let promised = 0.5 * (0..size).map(|axis| scores[fixed + from + axis] * step[axis]).sum::<f64>();
+        Some(Step { step, promised, ln_width })
     }
 }
 
