@@ -169,7 +169,7 @@ fn refined_frequency(beside: &Beside<'_>, candidate: &Candidate, frequency_hz: f
 
 /// A step of the parameters of a grid.
 struct Step {
-    step: Vec<f64>,
+    by: Vec<f64>,
     /// What it should gain, nats.
     promised: f64,
     /// Logarithm of the part of the grid that the parameters are left with.
@@ -220,7 +220,7 @@ impl Refine<'_> {
         let (mut reached, mut ln_width) = (first, f64::NEG_INFINITY);
         let mut is_smooth = false;
         for _ in 0..REFINED {
-            let Some(Step { step, promised, ln_width: width }) = self.step(&described, &here, &whitened)
+            let Some(Step { by: step, promised, ln_width: width }) = self.step(&described, &here, &whitened)
             else {
                 break;
             };
@@ -338,7 +338,7 @@ impl Refine<'_> {
         };
         let (_, ln_width) = left_of(&own, &ranges)?;
         let promised = 0.5 * (0..size).map(|axis| scores[fixed + from + axis] * step[axis]).sum::<f64>();
-        Some(Step { step, promised, ln_width })
+        Some(Step { by: step, promised, ln_width })
     }
 }
 

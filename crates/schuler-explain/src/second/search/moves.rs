@@ -54,7 +54,8 @@ pub fn without_several(
     let stays = |item: Item| !several.contains(&item);
     let mut less = description.clone();
     less.placed = (description.placed.iter().enumerate())
-        .filter_map(|(place, placed)| stays(Item::Placed(place)).then(|| placed.clone()))
+        .filter(|&(place, _)| stays(Item::Placed(place)))
+        .map(|(_, placed)| placed.clone())
         .collect();
     for place in (0..description.changes.len()).rev().filter(|&place| !stays(Item::Change(place))) {
         let change = less.changes.remove(place);
