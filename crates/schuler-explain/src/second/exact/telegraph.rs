@@ -2,15 +2,17 @@
 use super::OverRows;
 use crate::catalogue::{Column, Port};
 use crate::jump::{Decoded, Decoder, Place, RATES};
+use crate::statistics::median;
 
-/// Rows before and after a row by which it is seen how loud it is there.
+/// Rows before and after a switching by which it is seen how loud it is there.
 const AROUND: usize = 16;
 /// Standard deviation of the median of n squares of normal numbers, over itself, times √n.
 const OF_MEDIAN: f64 = 2.33;
 
 impl Decoded {
-    /// ln of the likelihood of the history itself over that without jumps, its height at its best: as it is, and where rows count as
-    /// little as those around them are loud. A burst of noise is decoded as jumps, and is as loud without them.
+    /// ln of the likelihood of the history itself over that without jumps, its height at its best: as it is, and where its rows count
+    /// as little as those around its switchings are loud beside it. A burst of noise is decoded as jumps, and is as loud without
+    /// them.
     pub fn gains_of_history(&self, rows: &OverRows<'_>, place: &Place) -> Option<[f64; 2]> {
         let block = rows.bench.problem.model.blocks.get(place.block)?;
         let over_rows = rows.blocks.get(place.block)?.as_ref()?;
@@ -24,46 +26,39 @@ impl Decoded {
         }
         let column = Column::on(place.sensor, values);
         let whitened = over_rows.filter.whiten(&[&*block.project(&column, Port::Output)?]).swap_remove(0);
-        let innovations = &over_rows.innovations;
-        let sums = |levels: &[f64]| {
-            let rows = whitened.iter().zip(innovations).zip(levels);
-            rows.fold([0.0; 2], |[energy, score], ((shape, innovation), level)| {
-                [energy + shape * shape / level, score + shape * innovation / level]
-            })
-        };
-        let [energy, score] = sums(&vec![1.0; whitened.len()]);
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let (energy, score) = (dot(&whitened, &whitened), dot(&whitened, &over_rows.innovations));
+        if energy <= 0.0 {
+            return None;
+        }
         let left = |(innovation, shape): (&f64, &f64)| innovation - score / energy * shape;
-        let left: Vec<f64> = innovations.iter().zip(&whitened).map(left).collect();
-        let [local_energy, local_score] = sums(&local_levels(&left, block.rows()));
-        (energy > 0.0 && local_energy > 0.0)
-            .then(|| [(score, energy), (local_score, local_energy)].map(|(s, e)| 0.5 * s * s / e))
+        let left: Vec<f64> = over_rows.innovations.iter().zip(&whitened).map(left).collect();
+        let gain = 0.5 * score * score / energy;
+        Some([gain, gain / self.level_around(&left)])
+    }
+
+    /// Median square of innovations around the switchings over that of all rows, where it is more by what chance does not make;
+    /// otherwise 1.
+    fn level_around(&self, innovations: &[f64]) -> f64 {
+        let rows = self.on.len();
+        let mut is_around = vec![false; rows];
+        for row in (1..rows).filter(|&row| self.on[row] != self.on[row - 1]) {
+            is_around[row.saturating_sub(AROUND)..(row + AROUND).min(rows)].fill(true);
+        }
+        let squares = |all: bool| -> Vec<f64> {
+            let rows = innovations.iter().enumerate().filter(|(place, _)| all || is_around[place % rows]);
+            rows.map(|(_, value)| value * value).collect()
+        };
+        let (mut around, mut all) = (squares(false), squares(true));
+        let by_chance = 1.0 + 3.0 * OF_MEDIAN / (around.len().max(1) as f64).sqrt();
+        let level = median(&mut around) / median(&mut all);
+        if level > by_chance { level } else { 1.0 }
     }
 
     /// How often it goes on, and off.
     pub fn switchings(&self) -> [usize; RATES] {
         [false, true].map(|from| self.on.windows(2).filter(|pair| pair[0] == from && pair[1] != from).count())
     }
-}
-
-/// Median squares of the innovations of each channel around each row, over that of all of its rows, where they are more than it by
-/// what chance makes of so few.
-fn local_levels(innovations: &[f64], rows: usize) -> Vec<f64> {
-    let median = |values: &[f64]| {
-        let mut squares: Vec<f64> = values.iter().map(|value| value * value).collect();
-        let middle = squares.len() / 2;
-        *squares.select_nth_unstable_by(middle, f64::total_cmp).1
-    };
-    let of_channel = |channel: &[f64]| {
-        let all = median(channel).max(f64::MIN_POSITIVE);
-        let around = |row: usize| {
-            let (from, to) = (row.saturating_sub(AROUND), (row + AROUND + 1).min(channel.len()));
-            let by_chance = 1.0 + 3.0 * OF_MEDIAN / ((to - from) as f64).sqrt();
-            let level = median(&channel[from..to]) / all;
-            if level > by_chance { level } else { 1.0 }
-        };
-        (0..channel.len()).map(around).collect::<Vec<f64>>()
-    };
-    innovations.chunks(rows.max(1)).flat_map(of_channel).collect()
 }
 
 /// The likeliest history of a place, unless it is none of jumps; `amplitude_of` is that of a history at its best.

@@ -56,10 +56,9 @@ fn described(rows: &OverRows<'_>, place: &Place) -> Option<Description> {
     };
     let best = history(rows, place, &amplitude_of)?;
     // A history that is given gains more than all histories together; it costs the difference under whatever noise.
-    let [of_history, among_its_like] = best.gains_of_history(rows, place)?;
-    let ln_spread = (best.gain - of_history).min(0.0)
-        + (among_its_like - of_history).min(0.0)
-        + ln_cost_of_rates(bench, &best);
+    let [of_history, as_loud] = best.gains_of_history(rows, place)?;
+    let ln_spread =
+        (best.gain - of_history).min(0.0) + (as_loud - of_history).min(0.0) + ln_cost_of_rates(bench, &best);
     let term = place.term(&best.on);
     let regressors = Arc::new(whitened(&term));
     let placed = Placed { term, regressors, ln_spread, delays: Delays::default() };
