@@ -42,30 +42,36 @@ def readings(row):
     return math.sin(row / 10), float(row)
 
 
+def imu_message(store, row, **of_header):
+    """Time of a row in nanoseconds, and its readings as sensor_msgs/Imu; `of_header` is what the header has beside them."""
+    kinds = store.types
+    header, time = kinds["std_msgs/msg/Header"], kinds["builtin_interfaces/msg/Time"]
+    vector, quaternion = kinds["geometry_msgs/msg/Vector3"], kinds["geometry_msgs/msg/Quaternion"]
+    stamp = START_NS + STEP_NS * row
+    x, y = readings(row)
+    message = kinds["sensor_msgs/msg/Imu"](
+        header=header(stamp=time(sec=stamp // 10**9, nanosec=stamp % 10**9), frame_id="imu", **of_header),
+        orientation=quaternion(x=0.0, y=0.0, z=0.0, w=1.0),
+        orientation_covariance=np.zeros(9),
+        angular_velocity=vector(x=x, y=y, z=0.0),
+        angular_velocity_covariance=np.zeros(9),
+        linear_acceleration=vector(x=0.0, y=0.0, z=-9.8),
+        linear_acceleration_covariance=np.zeros(9),
+    )
+    return stamp, message
+
+
 def write_bag(path, compression, rows):
     """A ROS 1 bag of sensor_msgs/Imu, stamped 2 ms before it is recorded."""
     store = get_typestore(Stores.ROS1_NOETIC)
-    kinds = store.types
-    imu, header = kinds["sensor_msgs/msg/Imu"], kinds["std_msgs/msg/Header"]
-    time, vector = kinds["builtin_interfaces/msg/Time"], kinds["geometry_msgs/msg/Vector3"]
-    quaternion = kinds["geometry_msgs/msg/Quaternion"]
+    imu = store.types["sensor_msgs/msg/Imu"]
     writer = Writer(path)
     if compression is not None:
         writer.set_compression(compression)
     with writer:
         connection = writer.add_connection("/imu", imu.__msgtype__, typestore=store)
         for row in range(rows):
-            stamp = START_NS + STEP_NS * row
-            x, y = readings(row)
-            message = imu(
-                header=header(seq=row, stamp=time(sec=stamp // 10**9, nanosec=stamp % 10**9), frame_id="imu"),
-                orientation=quaternion(x=0.0, y=0.0, z=0.0, w=1.0),
-                orientation_covariance=np.zeros(9),
-                angular_velocity=vector(x=x, y=y, z=0.0),
-                angular_velocity_covariance=np.zeros(9),
-                linear_acceleration=vector(x=0.0, y=0.0, z=-9.8),
-                linear_acceleration_covariance=np.zeros(9),
-            )
+            stamp, message = imu_message(store, row, seq=row)
             writer.write(connection, stamp + 2_000_000, store.serialize_ros1(message, imu.__msgtype__))
 
 
@@ -199,29 +205,16 @@ def write_rosbag2(folder):
     """Bags of sensor_msgs/Imu, stamped 2 ms before it is recorded, and of a message that is no standard one."""
     store = get_typestore(Stores.ROS2_HUMBLE)
     store.register(get_types_from_msg("float64[3] rate\nint32 count\n", "lab/msg/Reading"))
-    kinds = store.types
-    imu, header = kinds["sensor_msgs/msg/Imu"], kinds["std_msgs/msg/Header"]
-    time, vector = kinds["builtin_interfaces/msg/Time"], kinds["geometry_msgs/msg/Vector3"]
-    quaternion, reading = kinds["geometry_msgs/msg/Quaternion"], kinds["lab/msg/Reading"]
+    imu, reading = store.types["sensor_msgs/msg/Imu"], store.types["lab/msg/Reading"]
     bag = folder / "bag2"
     shutil.rmtree(bag, ignore_errors=True)
     with Writer2(bag, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
         standard = writer.add_connection("/imu", imu.__msgtype__, typestore=store)
         own = writer.add_connection("/lab", reading.__msgtype__, typestore=store)
         for row in range(40):
-            stamp = START_NS + STEP_NS * row
-            x, y = readings(row)
-            message = imu(
-                header=header(stamp=time(sec=stamp // 10**9, nanosec=stamp % 10**9), frame_id="imu"),
-                orientation=quaternion(x=0.0, y=0.0, z=0.0, w=1.0),
-                orientation_covariance=np.zeros(9),
-                angular_velocity=vector(x=x, y=y, z=0.0),
-                angular_velocity_covariance=np.zeros(9),
-                linear_acceleration=vector(x=0.0, y=0.0, z=-9.8),
-                linear_acceleration_covariance=np.zeros(9),
-            )
+            stamp, message = imu_message(store, row)
             writer.write(standard, stamp + 2_000_000, store.serialize_cdr(message, imu.__msgtype__))
-            message = reading(rate=np.array([x, y, 1.0]), count=row)
+            message = reading(rate=np.array([*readings(row), 1.0]), count=row)
             writer.write(own, stamp + 3_000_000, store.serialize_cdr(message, reading.__msgtype__))
     (made,) = bag.glob("*.db3")
     shutil.copy(made, folder / "described.db3")
