@@ -825,7 +825,7 @@ fn sensors(scenario: &Scenario) -> Vec<Sensor> {
                 spin_axis: Some(z.into()),
                 quantisation: rounding(&readout.conversion, entry.unit.in_si()),
                 relative: entry.relative,
-                ..sensor(id, SensorKind::Dtg, entry.unit, &entry.nominal)
+                ..Sensor::new(id, SensorKind::Dtg, entry.unit, entry.nominal.clone())
             });
         }
     }
@@ -835,7 +835,7 @@ fn sensors(scenario: &Scenario) -> Vec<Sensor> {
             group: entry.group.clone(),
             quantisation: rounding(&entry.design.readout.conversion, entry.unit.in_si()),
             relative: entry.relative,
-            ..sensor(&entry.id, SensorKind::Fog, entry.unit, &entry.nominal)
+            ..Sensor::new(&entry.id, SensorKind::Fog, entry.unit, entry.nominal.clone())
         });
     }
     for entry in scenario.accelerometers.iter().filter(|entry| entry.recorded) {
@@ -844,7 +844,7 @@ fn sensors(scenario: &Scenario) -> Vec<Sensor> {
             group: entry.group.clone(),
             quantisation: rounding(&entry.design.readout.conversion, entry.unit.in_si()),
             relative: entry.relative,
-            ..sensor(&entry.id, SensorKind::Accelerometer, entry.unit, &entry.nominal)
+            ..Sensor::new(&entry.id, SensorKind::Accelerometer, entry.unit, entry.nominal.clone())
         });
     }
     for entry in &scenario.dopplers {
@@ -852,34 +852,14 @@ fn sensors(scenario: &Scenario) -> Vec<Sensor> {
             axis: Some(entry.design.axis.into()),
             group: entry.group.clone(),
             quantisation: rounding(&entry.design.readout.conversion, 1.0),
-            ..sensor(&entry.id, SensorKind::Doppler, Unit::MetrePerSecond, &entry.nominal)
+            ..Sensor::new(&entry.id, SensorKind::Doppler, Unit::MetrePerSecond, entry.nominal.clone())
         });
     }
     if let Some(entry) = &scenario.schuler_loop {
         let nominal = Nominal { white: entry.nominal.velocity_white, ..Nominal::default() };
-        all.push(sensor(&entry.id, SensorKind::InsVelocity, Unit::MetrePerSecond, &nominal));
+        all.push(Sensor::new(&entry.id, SensorKind::InsVelocity, Unit::MetrePerSecond, nominal));
     }
     all
-}
-
-/// A sensor in a column of its name of which no more is stated.
-fn sensor(id: &str, kind: SensorKind, unit: Unit, nominal: &Nominal) -> Sensor {
-    Sensor {
-        id: id.to_owned(),
-        kind,
-        column: id.to_owned(),
-        predicted: None,
-        predicted_unit: None,
-        unit,
-        axis: None,
-        group: None,
-        spin_axis: None,
-        quantisation: 0.0,
-        relative: false,
-        grade: None,
-        scale: None,
-        nominal: nominal.clone(),
-    }
 }
 
 fn auxiliaries(scenario: &Scenario) -> Vec<Auxiliary> {

@@ -150,21 +150,11 @@ impl Scene {
     }
 
     fn sensor(mut self, id: &str, kind: SensorKind, unit: Unit, axis: [f64; 3]) -> Self {
+        let nominal = Nominal { white: 1.0, ..Nominal::default() };
         let sensor = Sensor {
-            id: id.to_owned(),
-            kind,
-            column: id.to_owned(),
-            predicted: None,
-            predicted_unit: None,
-            unit: unit.si(),
             axis: Some(axis),
-            group: None,
             spin_axis: (kind == SensorKind::Dtg).then_some([0.0, 0.0, 1.0]),
-            quantisation: 0.0,
-            relative: false,
-            grade: None,
-            scale: None,
-            nominal: Nominal { white: 1.0, ..Nominal::default() },
+            ..Sensor::new(id, kind, unit.si(), nominal)
         };
         self.0.case.sensors.push(sensor.clone());
         let values = vec![0.0; self.0.len()];

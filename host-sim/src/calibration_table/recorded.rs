@@ -142,21 +142,11 @@ impl CalibrationScenario {
         let sensor = |kind, name: &str, k: usize, unit: Unit, white: f64| {
             let mut axis = [0.0; 3];
             axis[k] = 1.0;
+            let nominal = Nominal { white: white / unit.in_si(), ..Nominal::default() };
             Sensor {
-                id: format!("{name}_{}", AXES[k]),
-                kind,
-                column: format!("{name}_{}", AXES[k]),
-                predicted: None,
-                predicted_unit: None,
-                unit,
                 axis: Some(axis),
                 group: Some("unit".to_owned()),
-                spin_axis: None,
-                quantisation: 0.0,
-                relative: false,
-                grade: None,
-                scale: None,
-                nominal: Nominal { white: white / unit.in_si(), ..Nominal::default() },
+                ..Sensor::new(&format!("{name}_{}", AXES[k]), kind, unit, nominal)
             }
         };
         let gyro_white = table.angle_random_walk * per_sample;

@@ -13,22 +13,7 @@ pub fn series(
     values: Vec<f64>,
 ) -> SensorSeries {
     SensorSeries {
-        sensor: Sensor {
-            id: id.to_owned(),
-            kind,
-            column: id.to_owned(),
-            predicted: None,
-            predicted_unit: None,
-            unit,
-            axis: Some(axis),
-            group: None,
-            spin_axis: None,
-            quantisation: 0.0,
-            relative: false,
-            grade: None,
-            scale: None,
-            nominal,
-        },
+        sensor: Sensor { axis: Some(axis), ..Sensor::new(id, kind, unit, nominal) },
         written_unit: unit,
         values,
         predicted: None,

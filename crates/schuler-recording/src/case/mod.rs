@@ -495,6 +495,38 @@ impl Default for SchulerLoop {
 }
 
 impl Sensor {
+    /// A sensor in the column of its name, of which the case states no more: no axis, its `nominal` in `unit`. Panics: never.
+    ///
+    /// ```
+    /// use schuler_recording::case::{Nominal, Sensor, SensorKind};
+    /// use schuler_recording::unit::Unit;
+    ///
+    /// let nominal = Nominal { white: 0.1, ..Nominal::default() };
+    /// let along_x = Sensor {
+    ///     axis: Some([1.0, 0.0, 0.0]),
+    ///     ..Sensor::new("gyro_x", SensorKind::Fog, Unit::DegreePerHour, nominal)
+    /// };
+    /// assert_eq!(along_x.column, "gyro_x");
+    /// ```
+    pub fn new(id: &str, kind: SensorKind, unit: Unit, nominal: Nominal) -> Self {
+        Self {
+            id: id.to_owned(),
+            kind,
+            column: id.to_owned(),
+            scale: None,
+            predicted: None,
+            predicted_unit: None,
+            unit,
+            axis: None,
+            group: None,
+            spin_axis: None,
+            quantisation: 0.0,
+            relative: false,
+            grade: None,
+            nominal,
+        }
+    }
+
     /// The same sensor with every value in the SI unit of its dimension.
     #[must_use]
     pub fn in_si(&self) -> Self {
