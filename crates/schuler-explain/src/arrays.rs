@@ -12,9 +12,6 @@ use crate::second::answer::arrays::{cause, findings_of, name};
 use crate::second::answer::held_out::held_out_s;
 use crate::state::{Bench, Case, State};
 
-/// What an effect whose reference is not known adds at the mean, in the answer.
-pub(crate) const AT_MEAN: &str = "at_mean";
-
 /// The arrays of a case described by `before`, nothing but the noise fitted, and by `after`, with the findings.
 pub fn arrays(case: &Case<'_>, before: &State, after: &State, findings: &[Finding]) -> CaseArrays {
     let null = Bench::new(case, &before.terms, &before.noises);

@@ -10,7 +10,7 @@ use schuler_recording::case::{MotionKind, Quantity as Recorded, Sensor};
 use schuler_recording::unit::{Dimension, STANDARD_GRAVITY, Unit};
 use serde::Serialize;
 
-use crate::arrays::AT_MEAN;
+use crate::catalogue::AT_MEAN;
 use crate::explanation::{Explanation, Finding, Parameter};
 
 /// Axes within this of each other, cosine, are the same: 0.8°.

@@ -11,9 +11,8 @@ use std::sync::Arc;
 
 use schuler_recording::unit::Dimension;
 
-use crate::arrays::AT_MEAN;
 use crate::budget::{Budget, of_item};
-use crate::catalogue::{Candidate, Column, Port, Search, Target};
+use crate::catalogue::{AT_MEAN, Candidate, Column, Port, Search, Target};
 use crate::description::{Term, blocks_of, sensors_of};
 use crate::explanation::Rival;
 use crate::instead::PairInstead;

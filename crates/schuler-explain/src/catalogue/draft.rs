@@ -2,8 +2,9 @@
 use schuler_recording::case::SensorKind;
 use schuler_recording::unit::{Dimension, STANDARD_GRAVITY, Unit};
 
-use super::{AT_START, Amplitude, Candidate, Column, Effect, Nonlinear, Port, Search, Signature, Target};
-use crate::arrays::AT_MEAN;
+use super::{
+    AT_MEAN, AT_START, Amplitude, Candidate, Column, Effect, Nonlinear, Port, Search, Signature, Target,
+};
 use crate::inputs::series::{Series, map};
 use crate::inputs::{Inputs, Place};
 

@@ -81,6 +81,8 @@ impl Candidate {
 
 /// Name of the amplitude of what decays from a start that nobody knows.
 pub const AT_START: &str = "at_start";
+/// What an effect whose reference is not known adds at the mean.
+pub const AT_MEAN: &str = "at_mean";
 
 /// The number that multiplies a column of the signature.
 #[derive(Clone, Debug, PartialEq)]

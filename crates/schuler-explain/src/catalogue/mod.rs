@@ -33,8 +33,8 @@ mod tide;
 mod unnamed;
 
 pub use effect::{
-    AT_START, Amplitude, Candidate, Column, Effect, NoiseChange, Nonlinear, OnsetShape, Port, ReadingFault,
-    Search, Signature, SignatureOf, Target, share_equal_series,
+    AT_MEAN, AT_START, Amplitude, Candidate, Column, Effect, NoiseChange, Nonlinear, OnsetShape, Port,
+    ReadingFault, Search, Signature, SignatureOf, Target, share_equal_series,
 };
 
 /// Effects whose signatures are of the motion: what an instrument's readings make of it comes as late as the readings.

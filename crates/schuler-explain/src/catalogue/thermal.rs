@@ -8,8 +8,7 @@ use super::draft::{
     Plausible, amplitude, any, at_each_instrument_place, coefficient, gyros, inertial, logarithmic, number,
     time_constant,
 };
-use super::{Candidate, Effect, Nonlinear};
-use crate::arrays::AT_MEAN;
+use super::{AT_MEAN, Candidate, Effect, Nonlinear};
 use crate::inputs::series::{lagged, map, mean, play_branch, product, range, varies};
 use crate::inputs::{Inputs, Place, Series, Thermometer};
 

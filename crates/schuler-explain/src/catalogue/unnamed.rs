@@ -11,7 +11,8 @@ const TERMS: usize = 6;
 
 pub(super) const UNNAMED: Effect = Effect {
     id: "unexplained",
-    formula: "Σ aⱼ cos πjr, r the rank of a recorded quantity, or the time, from 0 to 1; a cos πr cos πs of two quantities",
+    formula: "Σ aⱼ cos πjr, r the rank of a recorded quantity, or the time, from 0 to 1; \
+              a cos πr cos πs of two quantities",
     sentence: "depends on a quantity as no effect of the catalogue does",
     needs: "a quantity that varies",
     separated_by: "vary that quantity alone",

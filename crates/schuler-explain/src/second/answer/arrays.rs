@@ -5,8 +5,7 @@
 use schuler_recording::unit::Unit;
 
 use super::held_out::held_out_s;
-use crate::arrays::AT_MEAN;
-use crate::catalogue::{Candidate, Port, Search};
+use crate::catalogue::{AT_MEAN, Candidate, Port, Search};
 use crate::description::Term;
 use crate::equivalence::target_name;
 use crate::evidence::{CaseArrays, Cause, Part, SensorArrays};

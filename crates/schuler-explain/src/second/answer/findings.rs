@@ -11,7 +11,7 @@ use crate::readings::{Fault, OFF_LATTICE};
 use crate::second::evidence::fit::{Bench, Change, Description};
 use crate::second::exact::OverRows;
 use crate::second::problem::prepared::Prepared;
-use crate::second::search::moves::Item;
+use crate::second::search::moves::{Item, candidate_of};
 use crate::sentence::sentence;
 
 /// The items that are sure enough to be told.
@@ -35,13 +35,10 @@ fn unnamed_in<'b>(
     description: &Description,
     posterior: &Posterior,
 ) -> Option<&'b Candidate> {
-    let own = match posterior.item {
-        Item::Placed(place) => Some(description.placed[place].term.candidate),
-        Item::Change(_) => None,
-    };
     let first = posterior.class.first().map(|(member, _)| *member);
-    let candidates = own.into_iter().chain(first).filter_map(|it| bench.problem.candidates.get(it));
-    candidates.into_iter().find(|candidate| candidate.effect.is_unnamed())
+    (std::iter::once(candidate_of(description, posterior.item)).chain(first))
+        .map(|candidate| &bench.problem.candidates[candidate])
+        .find(|candidate| candidate.effect.is_unnamed())
 }
 
 /// The dependences that are most probably in no catalogue, the surest of them; with all of them in words.
@@ -69,10 +66,7 @@ pub fn unnamed(bench: &Bench<'_>, description: &Description, posterior: &[Poster
 
 fn finding(bench: &Bench<'_>, description: &Description, posterior: &Posterior) -> Finding {
     let problem = bench.problem;
-    let own = match posterior.item {
-        Item::Placed(place) => description.placed[place].term.candidate,
-        Item::Change(place) => description.changes[place].candidate,
-    };
+    let own = candidate_of(description, posterior.item);
     let candidate = &problem.candidates[own];
     let sensor = target_name(problem.model, candidate);
     let parameters = parameters(bench, description, posterior.item);

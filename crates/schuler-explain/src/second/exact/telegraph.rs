@@ -10,9 +10,9 @@ const AROUND: usize = 16;
 const OF_MEDIAN: f64 = 2.33;
 
 impl Decoded {
-    /// ln of the likelihood of the history itself over that without jumps, its height at its best: as it is, and where its rows count
-    /// as little as those around its switchings are loud beside it. A burst of noise is decoded as jumps, and is as loud without
-    /// them.
+    /// ln of the likelihood of the history itself over that without jumps, its height at its best: as it is, and
+    /// divided by how much louder it is around the switchings than elsewhere. A burst of noise is decoded as jumps, and stays loud
+    /// beside them.
     pub fn gains_of_history(&self, rows: &OverRows<'_>, place: &Place) -> Option<[f64; 2]> {
         let block = rows.bench.problem.model.blocks.get(place.block)?;
         let over_rows = rows.blocks.get(place.block)?.as_ref()?;

@@ -5,7 +5,9 @@ use rayon::prelude::*;
 
 use super::known::Known;
 use super::library::Shelf;
-use super::moves::{Item, items, reached_by, structure, with_one_more, without, without_several};
+use super::moves::{
+    Item, candidate_of, items, reached_by, structure, with_one_more, without, without_several,
+};
 use super::telegraph::with_telegraph;
 use crate::catalogue::Search;
 use crate::second::evidence::fit::{Bench, Description};
@@ -83,25 +85,7 @@ impl Kept {
         let best = self.known[0].1.clone();
         let mut bases: Vec<Description> =
             neighbours_below(bench, &best).into_iter().map(|(base, _)| base).collect();
-        let is_onset = |&item: &Item| match item {
-            Item::Placed(place) => {
-                let candidate = best.placed[place].term.candidate;
-                matches!(bench.problem.candidates[candidate].search, Search::Onset(_))
-            }
-            Item::Change(_) => false,
-        };
-        for block in 0..bench.sums.len() {
-            let all: Vec<Item> = (items(&best).into_iter())
-                .filter(|&item| reached_by(bench, &best, item) == [block])
-                .collect();
-            let onsets: Vec<Item> = all.iter().copied().filter(is_onset).collect();
-            let effects = all.iter().copied().filter(|item| matches!(item, Item::Placed(_)));
-            let mut sets = vec![onsets, effects.collect(), all];
-            sets.dedup();
-            for several in sets.into_iter().filter(|several| several.len() > 1) {
-                bases.extend(without_several(bench, &best, &several));
-            }
-        }
+        bases.extend(neighbours_far_below(bench, &best));
         bases.push(best.clone());
         let found: Vec<Description> =
             bases.par_iter().flat_map_iter(|base| with_telegraph(bench, base)).collect();
@@ -128,4 +112,23 @@ fn neighbours_below(bench: &Bench<'_>, description: &Description) -> Vec<(Descri
     let without =
         |&item: &Item| Some((without(bench, description, item)?, reached_by(bench, description, item)));
     items(description).par_iter().filter_map(without).collect()
+}
+
+/// The descriptions that lack all steps and ramps of a block, all its effects, or all its items, where those are several.
+fn neighbours_far_below(bench: &Bench<'_>, description: &Description) -> Vec<Description> {
+    let is_effect = |item: &Item| matches!(item, Item::Placed(_));
+    let is_onset = |item: &Item| {
+        let candidate = candidate_of(description, *item);
+        matches!(bench.problem.candidates[candidate].search, Search::Onset(_))
+    };
+    let sets = (0..bench.sums.len()).flat_map(|block| {
+        let all = items(description).into_iter();
+        let all: Vec<Item> = all.filter(|&item| reached_by(bench, description, item) == [block]).collect();
+        let of = |belongs: &dyn Fn(&Item) -> bool| all.iter().copied().filter(belongs).collect::<Vec<_>>();
+        let mut sets = vec![of(&is_onset), of(&is_effect), all];
+        sets.dedup();
+        sets
+    });
+    let several: Vec<Vec<Item>> = sets.filter(|set| set.len() > 1).collect();
+    several.par_iter().filter_map(|set| without_several(bench, description, set)).collect()
 }

@@ -25,6 +25,14 @@ pub fn items(description: &Description) -> Vec<Item> {
     placed.chain((0..description.changes.len()).map(Item::Change)).collect()
 }
 
+/// The candidate that an item is of, by its place among all.
+pub fn candidate_of(description: &Description, item: Item) -> usize {
+    match item {
+        Item::Placed(place) => description.placed[place].term.candidate,
+        Item::Change(place) => description.changes[place].candidate,
+    }
+}
+
 /// The blocks that an item reaches.
 pub fn reached_by(bench: &Bench<'_>, description: &Description, item: Item) -> Vec<usize> {
     match item {
