@@ -95,7 +95,7 @@ fn a_drift_with_the_rate_of_temperature_is_said_shown_and_written() {
     }
 
     let json: Value = serde_json::from_slice(&explain(&[case, "--json"]).stdout).unwrap();
-    assert_eq!(json["format"], "schuler-explanation/1");
+    assert_eq!(json["format"], "schuler-explanation/2");
     let parameters = json["findings"][0]["parameters"].as_array().unwrap();
     let coefficient = parameters.iter().find(|it| it["name"] == "coefficient").unwrap();
     let (value, sigma) = (coefficient["value"].as_f64().unwrap(), coefficient["sigma"].as_f64().unwrap());
@@ -113,28 +113,27 @@ fn nothing_concealed_is_nothing_found_and_still_a_success() {
     assert!(std::fs::read_to_string(page).unwrap().contains("No mismatch"));
 }
 
-/// A weak effect is found at a level that its probability is below, and at no other.
+/// An effect that grows is found from a low probability on before it is from a high one, with the probability that it says.
 #[test]
-fn level_is_the_probability_that_findings_are_judged_by() {
+fn findings_are_told_from_the_probability_on_that_is_asked_for() {
     let directory = tempfile::tempdir().unwrap();
-    let case = recorded(directory.path(), 10_000, 0.002);
-    let probabilities = |level: &str| -> Vec<f64> {
-        let said = explain(&[case.to_str().unwrap(), "--json", "--level", level]);
+    let absent = |coefficient: f64, least: &str| -> Option<f64> {
+        let case = recorded(directory.path(), 10_000, coefficient);
+        let said = explain(&[case.to_str().unwrap(), "--json", "--probability", least]);
         let json: Value = serde_json::from_slice(&said.stdout).unwrap();
-        json["findings"]
-            .as_array()
-            .unwrap()
-            .iter()
-            .map(|it| it["evidence"]["p_value"].as_f64().unwrap())
-            .collect()
+        json["findings"].as_array().unwrap().first()?["evidence"]["p_value"].as_f64()
     };
-    assert!(probabilities("0.01").is_empty());
-    let weak = probabilities("0.2");
-    assert!(weak.len() == 1 && (0.01..=0.2).contains(&weak[0]), "{weak:?}");
-    let failed = explain(&[case.to_str().unwrap(), "--level", "1"]);
+    let weak = (0..12)
+        .map(|k| 0.002 * 1.1_f64.powi(k))
+        .find_map(|coefficient| Some((coefficient, absent(coefficient, "0.2")?)));
+    let (coefficient, p) = weak.expect("it grows");
+    assert!((0.05..=0.8).contains(&p), "{p}");
+    assert_eq!(absent(coefficient, "0.95"), None);
+    let case = recorded(directory.path(), 10_000, coefficient);
+    let failed = explain(&[case.to_str().unwrap(), "--probability", "1"]);
     assert_eq!(failed.status.code(), Some(2));
     assert!(
-        text(&failed.stderr).contains("level: found 1; expected a probability"),
+        text(&failed.stderr).contains("probability: found 1; expected a probability"),
         "{}",
         text(&failed.stderr)
     );

@@ -256,9 +256,8 @@ fn the_text_says_what_how_much_and_how_sure() {
     for said in [
         "gyro_x drifts with the rate of its temperature: 0.501 ± 0.012 °/h per K/h.",
         "From 8 h 20 min on, gyro_y jumps by a constant: coefficient 1.62 ± 0.09 °/h, onset 30010 ± 40 s.",
-        "The data cannot tell it from bias_thermal_lag.",
+        "It may be bias_thermal_lag of gyro_x: probability 0.33.",
         "A daily cycle, or two steps",
-        "markov.tau_s of gyro_x: 221 → 300 s",
         "Not plausible for such a sensor: coefficient 1.62 ± 0.09 °/h.",
         "falls from 1.39 to 1.00",
         "Left over in gyro_z",

@@ -143,7 +143,7 @@ def schuler(command):
             column = [p["value"] for p in finding["parameters"] if p["name"] == "column"]
             of_first = column in ([], ["temperature"])
             named = finding["effect"] == "bias_temperature_rate" and of_first
-            in_class = "bias_temperature_rate" in finding["class"] and of_first
+            in_class = any(member["effect"] == "bias_temperature_rate" for member in finding["class"]) and of_first
             terms.append(TRUE_TERM if named else f"{TRUE_TERM} (class)" if in_class else f"{finding['effect']} {column}")
         return terms
     return select

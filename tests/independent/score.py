@@ -50,7 +50,7 @@ def faults_of_form(result):
     answer = result["explanation"]
     if answer is None:
         return ["no JSON"]
-    if answer.get("format") != "schuler-explanation/1":
+    if answer.get("format") != "schuler-explanation/2":
         faults.append("format")
     if answer.get("verdict") not in VERDICTS:
         faults.append(f"verdict {answer.get('verdict')}")
@@ -59,11 +59,11 @@ def faults_of_form(result):
     if answer["verdict"] in ("explained", "partly_explained") and not answer["findings"]:
         faults.append(f"{answer['verdict']} without findings")
     for finding in answer["findings"]:
-        for key in ("sensor", "effect", "class", "interval_s", "parameters", "evidence"):
+        for key in ("sensor", "effect", "probability", "class", "interval_s", "parameters", "evidence"):
             if key not in finding:
                 faults.append(f"finding without {key}")
-        if finding["effect"] not in finding["class"]:
-            faults.append("effect not in its class")
+        if (finding["sensor"], finding["effect"]) != pairs(finding)[0]:
+            faults.append("the finding is not the first of its class")
         if len(finding["interval_s"]) != 2 or not finding["interval_s"][0] <= finding["interval_s"][1]:
             faults.append(f"interval {finding['interval_s']}")
         for key in ("gain_nats", "p_value"):
@@ -90,12 +90,17 @@ def knows(unit):
         return False
 
 
+def pairs(finding):
+    """What a finding may be, itself first."""
+    return [(member["sensor"], member["effect"]) for member in finding["class"]]
+
+
 def names(finding, effect):
     return (finding["sensor"], finding["effect"]) == (effect["sensor"], effect["effect"])
 
 
 def matches(finding, effect):
-    named = {(finding["sensor"], effect) for effect in (finding["effect"], *finding["class"])}
+    named = set(pairs(finding))
     right = {(effect["sensor"], name) for name in (effect["effect"], *effect["also"])}
     return bool(named & (right | {tuple(pair) for pair in effect.get("also_at", [])}))
 
@@ -148,7 +153,7 @@ def stated(right, count):
 
 def brief(findings):
     return "; ".join(f"{f['sensor']} {f['effect']} {f['evidence']['gain_nats']:.0f} nats"
-                     + (f" [{', '.join(c for c in f['class'] if c != f['effect'])}]" if len(f["class"]) > 1 else "")
+                     + (f" [{', '.join(' '.join(pair) for pair in pairs(f)[1:])}]" if len(f["class"]) > 1 else "")
                      for f in findings) or "nothing"
 
 

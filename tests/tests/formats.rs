@@ -9,7 +9,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use host_sim::{flight, identify};
-use schuler_explain::explain::{Options, explain};
+use schuler_explain::config::Config;
+use schuler_explain::explain::explain;
 use schuler_recording::table::{self, Format};
 use schuler_recording::{CaseFile, Error, Recording};
 use schuler_tests::python::python;
@@ -76,7 +77,7 @@ fn oracle(script: &str, arguments: &[&Path]) {
 /// What identification, explanation and flight make of a recording, every number with all its digits.
 fn answers(recording: &Recording) -> [String; 3] {
     let identified = identify::identify(recording, identify::Options::default());
-    let explained = explain(recording, &Options::default());
+    let explained = explain(recording, &Config::default());
     let channels = flight::plan(recording).unwrap_or_else(|problem| panic!("{problem:?}"));
     let json = |it: Result<String, _>| it.expect("an answer is JSON");
     [

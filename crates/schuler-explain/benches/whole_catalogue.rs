@@ -18,7 +18,8 @@ use std::time::Instant;
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
-use schuler_explain::explain::{Options, explain};
+use schuler_explain::config::Config;
+use schuler_explain::explain::explain;
 use schuler_recording::{Recording, table};
 
 const DAY_S: usize = 86_400;
@@ -230,7 +231,7 @@ fn main() {
 fn measure(name: &str, hidden: usize, case: &Path, expected: Option<f64>) -> f64 {
     let recording = Recording::read(case).expect("the case is readable");
     let (start, before) = (Instant::now(), used());
-    let explanation = explain(&recording, &Options::default()).expect("the case can be explained");
+    let explanation = explain(&recording, &Config::default()).expect("the case can be explained");
     let seconds = start.elapsed().as_secs_f64();
     let after = used();
     let growth = expected.map_or(f64::NAN, |expected| (after.0 - before.0) / expected);

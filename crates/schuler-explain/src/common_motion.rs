@@ -13,18 +13,16 @@
 //! this says nothing. What a description says of the readings is taken off them first ([`CommonMotion::without`]): a line in one sensor is
 //! noise of its own otherwise.
 use std::ops::RangeInclusive;
-use std::sync::Arc;
 
 use nalgebra::{Complex, DMatrix, DVector, Matrix3, Matrix3xX, MatrixXx3, Vector3};
+use schuler_fourier::Forward;
 use schuler_recording::Recording;
 
 use crate::inputs::redundant::{RANK_TOLERANCE, axis_of};
 use crate::inputs::series::{bridged, mean};
 use crate::minimise::simplex;
-use crate::noise::Noise;
-use crate::noise_fit::{SourceKnob, logs_of, one_with_logs};
+use crate::noise::{Knob, Noise};
 use crate::nominal::{Block, Model, of_input};
-use crate::spectrum::{Derivatives, Moved, bands, transforms};
 
 /// First frequency that the taper keeps apart from the mean.
 const FIRST: usize = 3;
@@ -56,7 +54,6 @@ pub struct CommonMotion {
     /// 1 in the directions that they do not span.
     unseen: Matrix3<f64>,
     step_s: f64,
-    readings: Arc<Readings>,
     bands: Vec<Band>,
 }
 
@@ -124,90 +121,9 @@ impl CommonMotion {
         let nominal = |omega: f64| -> f64 {
             block.sources.iter().map(|&source| sources[source].nominal.spectrum(omega, step_s)).sum()
         };
-        let readings = Arc::new(Readings::new(recording, masked, &sensors, seen.sum(), &nominal)?);
+        let readings = Readings::new(recording, masked, &sensors, seen.sum(), &nominal)?;
         let bands = readings.bands(&[]);
-        Some(Self { sources: block.sources.clone(), axes, unseen, step_s, readings, bands })
-    }
-
-    /// The same without a part of the readings, for each source a series or none.
-    #[must_use]
-    pub fn without(&self, errors: &[Option<Vec<f64>>]) -> Self {
-        if errors.iter().all(Option::is_none) {
-            return self.clone();
-        }
-        let rows = self.readings.present.len();
-        let transform = |errors: &Option<Vec<f64>>| {
-            let tapered = self.readings.tapered(errors.as_ref()?)?;
-            transforms(rows, std::iter::once(tapered.as_slice())).pop()
-        };
-        let less: Vec<Option<Vec<Complex<f64>>>> = errors.iter().map(transform).collect();
-        Self { bands: self.readings.bands(&less), ..self.clone() }
-    }
-
-    /// What the readings tell of the noises of all sources beside what the residuals do: log-likelihood, up to a constant.
-    pub fn beside_residual(&self, noises: &[Noise]) -> f64 {
-        let of_band = |band: &Band| {
-            let (weights, _) = self.mean_of(&self.powers(noises, band.omega), None)?;
-            let power = self.spectrum_of(&weights, band).determinant().re;
-            Some(-band.beside * power.ln())
-        };
-        self.bands.iter().filter_map(of_band).filter(|value| value.is_finite()).sum()
-    }
-
-    /// Derivatives of [`Self::beside_residual`] by the logarithms of `knobs`, each of one of its sources, at `noises`; `None` where they are not
-    /// finite.
-    pub fn derivatives(&self, noises: &[Noise], knobs: &[SourceKnob], step: f64) -> Option<Derivatives> {
-        let moved = Moved::new(noises, knobs, step);
-        let place_of = |&(source, _): &SourceKnob| self.sources.iter().position(|&own| own == source);
-        let places: Vec<usize> = knobs.iter().map(place_of).collect::<Option<_>>()?;
-        let mut derivatives = Derivatives::zeros(knobs.len());
-        for band in &self.bands {
-            let Some((first, both)) = self.by_powers(&self.powers(noises, band.omega), band) else {
-                continue;
-            };
-            derivatives.add(
-                &moved.at(band.omega, self.step_s),
-                |i| band.beside * first[places[i]],
-                |i, j| band.beside * both[(places[i], places[j])],
-            );
-        }
-        derivatives.finished()
-    }
-
-    /// Derivatives of ln det Ŝᵤ by the noises' powers, by way of their reciprocals, the weights λ.
-    ///
-    /// With P = (Aᵀ λ A)⁻¹, W = P Aᵀ λ and R = 1 − Wᵀ Aᵀ the mean's weights change as ∂ᵢW = pᵢ rᵢᵀ, the columns of P Aᵀ and of R, so that
-    /// ∂ᵢŜᵤ = pᵢ vᵢᴴ + vᵢ pᵢᵀ with V = W Ŝ R, and ∂ᵢ ln det Ŝᵤ = 2 Re αᵢᵢ with α = A P Ŝᵤ⁻¹ V. Once more, with q = A P Aᵀ,
-    /// π = A P Ŝᵤ⁻¹ P Aᵀ, ν = Vᴴ Ŝᵤ⁻¹ V and s = Rᵀ Ŝ R:
-    /// ∂ᵢ∂ⱼ ln det Ŝᵤ = 2 Re((sᵢⱼ − νᵢⱼ) πⱼᵢ − qᵢⱼ (αᵢⱼ + αⱼᵢ) − αᵢⱼ αⱼᵢ).
-    fn by_powers(&self, powers: &[f64], band: &Band) -> Option<(DVector<f64>, DMatrix<f64>)> {
-        let (weights, noise) = self.mean_of(powers, None)?;
-        let reached = noise * self.axes.transpose();
-        let left =
-            DMatrix::identity(powers.len(), powers.len()) - weights.transpose() * self.axes.transpose();
-        let alike = &self.axes * &reached;
-        let inverse = self.spectrum_of(&weights, band).try_inverse()?;
-        let [reached, weights] = [reached, weights].map(|matrix| matrix.map(Complex::from));
-        let left = left.map(Complex::from);
-        let seen = &band.estimate * &left;
-        let with_mean = &weights * &seen;
-        let against = left.transpose() * &seen - with_mean.adjoint() * inverse * &with_mean;
-        let solved = reached.transpose() * inverse;
-        let (crossed, own) = (&solved * &with_mean, &solved * &reached);
-        let by_two = |i: usize, j: usize| {
-            let (one, other) = (crossed[(i, j)], crossed[(j, i)]);
-            let sum: Complex<f64> =
-                against[(i, j)] * own[(j, i)] - (one + other) * alike[(i, j)] - one * other;
-            2.0 * sum.re
-        };
-        let by_weight = |i: usize| 2.0 * crossed[(i, i)].re;
-        let first = |i: usize, _| -by_weight(i) / powers[i].powi(2);
-        let both = |i: usize, j: usize| {
-            let bent = if i == j { 2.0 * by_weight(i) / powers[i].powi(3) } else { 0.0 };
-            by_two(i, j) / (powers[i] * powers[j]).powi(2) + bent
-        };
-        let size = powers.len();
-        Some((DVector::from_fn(size, first), DMatrix::from_fn(size, size, both)))
+        Some(Self { sources: block.sources.clone(), axes, unseen, step_s, bands })
     }
 
     /// The noises at the maximum of the likelihood of the readings and of what the user believes, found sensor by sensor; those of other
@@ -229,12 +145,12 @@ impl CommonMotion {
     /// Fits the noise of one sensor beside those of the others; what it gains.
     fn fit_one(&self, place: usize, believed: &[Noise], noises: &mut [Noise]) -> f64 {
         let source = self.sources[place];
-        let knobs: Vec<SourceKnob> = noises[source].knobs().into_iter().map(|knob| (source, knob)).collect();
+        let knobs = noises[source].knobs();
         let bands: Vec<BesideOthers<'_>> =
             self.bands.iter().filter_map(|band| self.beside_others(place, noises, band)).collect();
-        let (belief, start) = (logs_of(believed, &knobs), logs_of(noises, &knobs));
+        let (belief, start) = (logs_of(&believed[source], &knobs), logs_of(&noises[source], &knobs));
         let cost = |logs: &[f64]| {
-            let noise = one_with_logs(&noises[source], &knobs, logs);
+            let noise = with_logs(&noises[source], &knobs, logs);
             let away: f64 =
                 logs.iter().zip(&belief).map(|(log, belief)| ((log - belief) / BELIEF).powi(2)).sum();
             let seen: f64 = bands
@@ -246,7 +162,7 @@ impl CommonMotion {
         let before = cost(&start);
         let (best, least) =
             simplex(&start, &vec![SIDE; knobs.len()], SPREAD, ITERATIONS * knobs.len() as u64, cost);
-        noises[source] = one_with_logs(&noises[source], &knobs, &best);
+        noises[source] = with_logs(&noises[source], &knobs, &best);
         before - least
     }
 
@@ -289,6 +205,45 @@ impl CommonMotion {
             expected: axis.dot(&gain),
         })
     }
+}
+
+/// Transforms of series of so many rows, which zeros fill up to a power of two.
+fn transforms<'v>(rows: usize, series: impl Iterator<Item = &'v [f64]>) -> Vec<Vec<Complex<f64>>> {
+    let forward = Forward::new(rows.next_power_of_two());
+    series.map(|values| forward.transform(values.iter().copied())).collect()
+}
+
+/// Bins of the bands of a transform of real numbers, from one on up to the highest frequency: at least so many, and so many that a band is
+/// as wide as this part of its frequency.
+fn bands(
+    length: usize,
+    from: usize,
+    least: usize,
+    width: f64,
+) -> impl Iterator<Item = RangeInclusive<usize>> {
+    let half = length / 2;
+    let mut first = from;
+    std::iter::from_fn(move || {
+        let bins = least.max(1 + (width * first as f64) as usize);
+        let last = (first + bins - 1).min(half.saturating_sub(1));
+        let band = first..=last;
+        first = last + 1;
+        (!band.is_empty()).then_some(band)
+    })
+}
+
+/// Logarithms of parameters.
+fn logs_of(noise: &Noise, knobs: &[Knob]) -> Vec<f64> {
+    knobs.iter().map(|&knob| noise.get(knob).max(f64::MIN_POSITIVE).ln()).collect()
+}
+
+/// A noise whose parameters have given logarithms.
+fn with_logs(noise: &Noise, knobs: &[Knob], logs: &[f64]) -> Noise {
+    let mut noise = noise.clone();
+    for (&knob, log) in knobs.iter().zip(logs) {
+        noise.set(knob, log.exp());
+    }
+    noise
 }
 
 impl BesideOthers<'_> {

@@ -19,11 +19,6 @@ const INTERPOLATED: f64 = 3e-6;
 const SETTLED: f64 = 1e-9;
 /// Least size of the gains of a state, as a part of what they can be at most: what is smaller may be nothing but rounding.
 const LEAST_SIZE: f64 = 1e-3;
-/// Change of H P over the last doubling, as a part of its size, below which a covariance has settled: the next would change it by
-/// the square of that.
-const SETTLED_SEEN: f64 = 1e-12;
-/// Most doublings until then.
-const MOST_DOUBLINGS: usize = 60;
 /// Computed rows by which it is decided whether their distance can be doubled.
 const JUDGED: usize = 9;
 
@@ -138,35 +133,6 @@ pub fn course(
 fn with_units(matrix: &[f64], units: &[f64], by: impl Fn(f64, f64) -> f64) -> Vec<f64> {
     let n = units.len();
     matrix.iter().enumerate().map(|(flat, &value)| by(by(value, units[flat / n]), units[flat % n])).collect()
-}
-
-/// The predicted covariance at which a filter settles; `None` where it does not, or R + HQHᵀ is singular. States should
-/// be in units of their own spread.
-///
-/// Of M + Q, with M after 1, 2, 4, … rows from a state that is known. What the channels never see may grow on.
-pub fn settled(space: &Space, white: &[f64]) -> Option<DMatrix<f64>> {
-    let (n, m) = (space.states, space.channels);
-    let seen = DMatrix::from_row_slice(m, n, &space.seen);
-    let predicted =
-        |steps: &Steps| DMatrix::from_fn(n, n, |i, j| steps.driven[i * n + j] + space.driven[i * n + j]);
-    let mut steps = Steps::one(space, white)?;
-    let mut crossed = &seen * predicted(&steps);
-    for _ in 0..MOST_DOUBLINGS {
-        steps = steps.doubled()?;
-        let covariance = predicted(&steps);
-        let next = &seen * &covariance;
-        let variances = &next * seen.transpose();
-        let same = next.iter().zip(crossed.iter()).enumerate().all(|(place, (next, before))| {
-            let (c, i) = (place % m, place / m);
-            let size = (covariance[(i, i)] * (variances[(c, c)] + white[c * m + c])).sqrt();
-            (next - before).abs() <= SETTLED_SEEN * size
-        });
-        if same {
-            return Some(covariance);
-        }
-        crossed = next;
-    }
-    None
 }
 
 /// What the errors of each gain are measured by. A gain of a state and a channel in units of their standard deviations, √P and √S,

@@ -148,8 +148,8 @@ pub fn deploy(explanation: &Explanation, recording: &Recording, stations: &Stati
 /// What to think of before a finding flies.
 fn caution(finding: &Finding) -> Option<String> {
     let mut cautions = Vec::new();
-    let others: Vec<&str> =
-        finding.class.iter().filter(|id| **id != finding.effect).map(String::as_str).collect();
+    let others: Vec<String> =
+        finding.rivals().iter().map(|rival| format!("{} of {}", rival.effect, rival.sensor)).collect();
     if !others.is_empty() {
         cautions.push(format!(
             "the data cannot tell it from {}: it holds for profiles like this one only",
@@ -564,13 +564,12 @@ position_m = [0.0, 0.1, 0.0]
         let finding = Finding {
             sensor: sensor.into(),
             effect: effect.into(),
-            class: vec![effect.into()],
+            probability: 1.0,
+            class: Vec::new(),
             interval_s: [0.0, 3.0],
             parameters: std::iter::once(number.clone()).chain(words.iter().map(word)).collect(),
             evidence: Evidence { gain_nats: 50.0, p_value: 1e-9 },
             sentence: String::new(),
-            noise_shift: Vec::new(),
-            rivals: Vec::new(),
         };
         let mut finding = finding;
         if words.iter().any(|(name, _)| *name == "reference") {

@@ -7,7 +7,8 @@ use nalgebra::{DMatrix, DVector};
 use crate::catalogue::{Candidate, Column, OnsetShape, Port, Search};
 use crate::inputs::series::{Series, delayed_closely, waves};
 use crate::least_squares::{Solution, dot, solve};
-use crate::nominal::Model;
+use crate::noise::Noise;
+use crate::nominal::{Block, Model};
 use crate::whiten::Filter;
 
 /// A deterministic term: a candidate with its non-linear parameters at given values.
@@ -112,14 +113,6 @@ impl Delays {
         self.of_sensor.iter().find(|known| known.0 == sensor).map_or(0.0, |known| known.1)
     }
 
-    /// Whether a sensor reads at `time_s` what was at a time that is not in the record, or so near its ends that a line is all that is known
-    /// of it. Of delays within half a step that line is good.
-    pub fn reach_beyond(&self, model: &Model, sensor: usize, time_s: f64) -> bool {
-        let (delay_s, step_s) = (self.of(sensor), model.step_s);
-        let end_s = model.time_s.last().copied().unwrap_or_default();
-        delay_s.abs() > 0.5 * step_s && !(step_s..=end_s - step_s).contains(&(time_s - delay_s))
-    }
-
     /// Whether they move a term.
     pub fn move_term(&self, term: &Term) -> bool {
         let mut parts = term.columns.iter().flat_map(|column| &column.parts);
@@ -137,13 +130,6 @@ impl Delays {
             (*sensor, values.collect::<Series>())
         };
         Cow::Owned(Column::of(column.parts.iter().map(late)))
-    }
-
-    /// A term as it comes in the readings.
-    pub fn late_term(&self, model: &Model, term: &Term) -> Term {
-        let columns =
-            term.columns.iter().map(|column| self.late(model, term.of_the_motion, column).into_owned());
-        Term { columns: Arc::new(columns.collect()), of_the_motion: false, delay_s: None, ..term.clone() }
     }
 }
 
@@ -186,39 +172,6 @@ pub(crate) fn columns(candidate: &Candidate, nonlinear: &[f64], time_s: &[f64]) 
     }
 }
 
-/// The filters of all blocks under given noises.
-pub struct Filters {
-    /// One a block; `None` where the noises are singular.
-    pub of_block: Vec<Option<Arc<Filter>>>,
-}
-
-/// Likelihood of a description with all amplitudes at their best.
-#[derive(Clone, Debug)]
-pub struct Evaluation {
-    /// Log-likelihood over the blocks asked for.
-    pub log_likelihood: f64,
-    /// Amplitudes: constants first, then the terms' in order.
-    pub solution: Solution,
-}
-
-/// Places of the regressors of a block among all amplitudes, as [`Projected::places`].
-pub fn places(model: &Model, block: usize, terms: &[Term]) -> Vec<usize> {
-    let block = &model.blocks[block];
-    let reaches = |column: &Column, port: Port| block.is_reached(column, port);
-    let mut places: Vec<usize> = (model.constants.iter().enumerate())
-        .filter(|(_, column)| reaches(column, Port::Output))
-        .map(|(place, _)| place)
-        .collect();
-    let mut place = model.constants.len();
-    for term in terms.iter().filter(|term| !term.unit_amplitude) {
-        places.extend(
-            (place..).zip(&*term.columns).filter(|(_, c)| reaches(c, term.port)).map(|(place, _)| place),
-        );
-        place += term.columns.len();
-    }
-    places
-}
-
 /// What a block's channels hold of the terms: data less the terms of unit amplitude, and a regressor for each amplitude
 /// that reaches it, by its place among all.
 pub struct Projected {
@@ -257,35 +210,6 @@ pub fn project(model: &Model, block: usize, terms: &[Term]) -> Projected {
         }
     }
     projected
-}
-
-/// What those of the terms that are `wanted` add to the readings of each sensor of a block whatever the motion is, in the block's order, with
-/// `amplitudes` as [`Projected::columns`] of all terms; `None` where they add nothing.
-pub fn at_sensors(
-    model: &Model,
-    block: usize,
-    terms: &[Term],
-    amplitudes: &DVector<f64>,
-    wanted: &dyn Fn(&Term) -> bool,
-) -> Vec<Option<Vec<f64>>> {
-    let block = &model.blocks[block];
-    let mut all: Vec<Option<Vec<f64>>> = vec![None; block.sensors.len()];
-    let constants = model.constants.iter().filter(|column| block.is_reached(column, Port::Output)).count();
-    let mut amplitudes = amplitudes.iter().skip(constants);
-    for term in terms {
-        let is_taken = !term.of_the_motion && wanted(term);
-        for column in term.columns.iter().filter(|column| block.is_reached(column, term.port)) {
-            let amplitude = if term.unit_amplitude { Some(&1.0) } else { amplitudes.next() };
-            for (sensor, values) in &column.parts {
-                let own = block.sensors.iter().position(|own| own == sensor).filter(|_| is_taken);
-                if let (Some(own), Some(amplitude)) = (own, amplitude) {
-                    let sum = all[own].get_or_insert_with(|| vec![0.0; block.rows()]);
-                    sum.iter_mut().zip(&**values).for_each(|(sum, value)| *sum += amplitude * value);
-                }
-            }
-        }
-    }
-    all
 }
 
 /// Sums of a block: log-likelihood without regressors, normal matrix and scores of its regressors.
@@ -339,41 +263,10 @@ impl Sums {
         }
     }
 
-    /// The product of a regressor with another one, or with the data, by their places among the columns.
-    pub fn product(&self, regressor: usize, other: usize) -> f64 {
-        match other.checked_sub(1) {
-            Some(other) => self.normal[(regressor - 1, other)],
-            None => self.scores[regressor - 1],
-        }
-    }
-
     /// The regressors' amplitudes at their best, and what they gain.
     pub fn solution(&self) -> Solution {
         solve_or_none(&self.normal, &self.scores)
     }
-}
-
-/// The likelihood of `terms` under `filters` over the given blocks; `None` where a filter is singular.
-pub fn evaluate(model: &Model, filters: &Filters, terms: &[Term], blocks: &[usize]) -> Option<Evaluation> {
-    let size = model.constants.len() + terms.iter().map(Term::amplitudes).sum::<usize>();
-    let mut normal = DMatrix::zeros(size, size);
-    let mut scores = DVector::zeros(size);
-    let mut log_likelihood = 0.0;
-    for &block in blocks {
-        let filter = filters.of_block.get(block)?.as_ref()?;
-        let projected = project(model, block, terms);
-        let sums = Sums::new(filter, &projected);
-        log_likelihood += sums.log_likelihood;
-        for (i, &row) in projected.places.iter().enumerate() {
-            scores[row] += sums.scores[i];
-            for (j, &column) in projected.places.iter().enumerate() {
-                normal[(row, column)] += sums.normal[(i, j)];
-            }
-        }
-    }
-    let solution = solve_or_none(&normal, &scores);
-    log_likelihood += solution.gain;
-    log_likelihood.is_finite().then_some(Evaluation { log_likelihood, solution })
 }
 
 /// The solution of the normal equations; of none without regressors.
@@ -383,6 +276,22 @@ pub(crate) fn solve_or_none(normal: &DMatrix<f64>, scores: &DVector<f64>) -> Sol
     } else {
         solve(normal, scores)
     }
+}
+
+/// What the regressors of a block leave of its data at their best.
+pub fn left_of(filter: &Filter, projected: Projected) -> Vec<f64> {
+    let amplitudes = Sums::new(filter, &projected).solution().amplitudes;
+    let mut data = projected.data;
+    take_off(&mut data, &projected.columns, amplitudes.iter().copied());
+    data
+}
+
+/// Log-likelihood of a block under `noises`, its regressors at their best; −∞ where it cannot be computed.
+pub fn log_likelihood(block: &Block, noises: &[Noise], projected: &Projected) -> f64 {
+    let Some(filter) = block.filter(noises) else { return f64::NEG_INFINITY };
+    let sums = Sums::new(&filter, projected);
+    let best = sums.log_likelihood + sums.solution().gain;
+    if best.is_finite() { best } else { f64::NEG_INFINITY }
 }
 
 /// Residuals of a block after the terms at their fitted amplitudes; NaN where missing.

@@ -1,11 +1,11 @@
 //! The answer: what differs, which physics was left out, how large it is, how sure that is, and what it gains.
 //!
-//! [`Explanation`] serialises to `schuler-explanation/1`; what goes beyond that format are optional keys.
+//! [`Explanation`] serialises to `schuler-explanation/2`.
 use serde::ser::SerializeStruct;
 use serde::{Serialize, Serializer};
 
 /// What the format's key `format` says.
-pub const FORMAT: &str = "schuler-explanation/1";
+pub const FORMAT: &str = "schuler-explanation/2";
 
 /// Why a recording does not look like its simulation.
 #[derive(Clone, Debug, Serialize)]
@@ -49,8 +49,10 @@ pub struct Finding {
     pub sensor: String,
     /// Identifier of the effect.
     pub effect: String,
-    /// Every identifier that the data cannot tell from it, itself included.
-    pub class: Vec<String>,
+    /// Probability that it or another of its class is there.
+    pub probability: f64,
+    /// What it may be, itself first: every pair of a sensor and an effect that the data cannot tell from it.
+    pub class: Vec<Member>,
     /// From when to when, s from the start of the recording.
     pub interval_s: [f64; 2],
     /// Its parameters.
@@ -59,12 +61,6 @@ pub struct Finding {
     pub evidence: Evidence,
     /// One plain sentence.
     pub sentence: String,
-    /// How the nominal noise had swallowed it: each noise parameter before and after.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub noise_shift: Vec<NoiseShift>,
-    /// What the data cannot tell from it, how alike it is, and what would separate them.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub rivals: Vec<Rival>,
 }
 
 /// The effect that is isolated readings far from the others.
@@ -74,10 +70,20 @@ impl Finding {
     /// Whether no physics was left out: isolated readings are set aside, or numbers of a noise that the case states are put right, and the data
     /// can tell that from what is no noise.
     pub fn is_no_physics(&self) -> bool {
-        let is_noise = |id: &String| id.starts_with("noise_");
+        let is_noise = |member: &Member| member.effect.starts_with("noise_");
         let are_stated = self.parameters.iter().all(|parameter| parameter.stated.is_some());
         let corrects_stated = !self.parameters.is_empty() && are_stated && self.class.iter().all(is_noise);
         corrects_stated || self.effect == OUTLIERS
+    }
+
+    /// Whether it is an effect, or cannot be told from it, on whatever sensor.
+    pub fn may_be(&self, effect: &str) -> bool {
+        self.class.iter().any(|member| member.effect == effect)
+    }
+
+    /// What else it may be.
+    pub fn rivals(&self) -> &[Member] {
+        self.class.get(1..).unwrap_or_default()
     }
 }
 
@@ -137,43 +143,23 @@ impl Serialize for Parameter {
 /// How sure a finding is.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Evidence {
-    /// Gain of log-likelihood over the description without it, nats.
+    /// Logarithm of the odds that it or another of its class is there, nats.
     pub gain_nats: f64,
-    /// Probability that a record without any left-out effect shows so much anywhere.
+    /// Probability that none of them is there.
     pub p_value: f64,
 }
 
-/// A noise parameter before and after the finding entered.
-#[derive(Clone, Debug, Serialize)]
-pub struct NoiseShift {
-    /// Sensor.
-    pub sensor: String,
-    /// Name, e.g. `markov.tau_s`.
-    pub name: String,
-    /// Unit.
-    pub unit: String,
-    /// Fitted without the finding.
-    pub before: f64,
-    /// Fitted with it.
-    pub after: f64,
-}
-
-/// An effect that the data cannot tell from a finding.
-#[derive(Clone, Debug, Serialize)]
-pub struct Rival {
+/// What a finding may be.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Member {
     /// Sensor or group.
     pub sensor: String,
     /// Identifier of the effect.
     pub effect: String,
-    /// Angle between the whitened signatures, degrees.
-    pub principal_angle_deg: f64,
-    /// How much less likely it is, nats.
-    pub behind_nats: f64,
-    /// The experiment that would tell.
+    /// Probability that it is this one, given that it is one of the class.
+    pub probability: f64,
+    /// The experiment that would tell it from the finding; empty of the finding itself.
     pub separated_by: String,
-    /// Identifier of the effect that explains as much only together with it, where two do instead of one.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub together_with: Option<String>,
 }
 
 /// Goodness of fit before and after.
@@ -253,7 +239,7 @@ pub struct Remainder {
 
 #[cfg(test)]
 mod tests {
-    use super::{Evidence, Finding, Parameter, is_plausible};
+    use super::{Evidence, Finding, Member, Parameter, is_plausible};
 
     fn number(value: f64, stated: Option<f64>) -> Parameter {
         Parameter {
@@ -295,16 +281,16 @@ mod tests {
     #[test]
     fn spikes_and_stated_numbers_that_are_put_right_are_no_physics() {
         let is_no_physics_beside = |effect: &str, other: &str, parameters: Vec<Parameter>| {
+            let member = |effect: &str| Member { effect: effect.to_owned(), ..Member::default() };
             let finding = Finding {
                 sensor: "gyro_x".to_owned(),
                 effect: effect.to_owned(),
-                class: vec![effect.to_owned(), other.to_owned()],
+                probability: 1.0,
+                class: vec![member(effect), member(other)],
                 interval_s: [0.0, 1.0],
                 parameters,
                 evidence: Evidence { gain_nats: 20.0, p_value: 1e-6 },
                 sentence: String::new(),
-                noise_shift: vec![],
-                rivals: vec![],
             };
             finding.is_no_physics()
         };

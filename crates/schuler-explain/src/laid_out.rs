@@ -1,14 +1,7 @@
-//! Gains laid out for runs over a column, forwards and backwards, where channels or states are many.
+//! Gains laid out for runs over a column, where channels or states are many.
 //!
-//! With D = ΦK, states x before a row lead to those before the next one by
-//!
-//! | | in | e | next x | out |
-//! | --- | --- | --- | --- | --- |
-//! | forwards | values y | y − H x | Φ x + D e | W e |
-//! | backwards | whitened innovations w | Wᵀw + Dᵀx | Φᵀx − Hᵀe | |
-//!
-//! the same step but for its matrices, in which Φ x does not wait for e. Rows wait for each other, columns do not: forwards a few run side by
-//! side. States stand in groups, whose numbers are computed side by side, the two of an oscillation in the same place of neighbours; channels
+//! With D = ΦK, states x before a row and its values y lead to those before the next one by e = y − H x and x ← Φ x + D e, in which Φ x does
+//! not wait for e, and to what is whitened by W e. Rows wait for each other, columns do not: a few run side by side. States stand in groups, whose numbers are computed side by side, the two of an oscillation in the same place of neighbours; channels
 //! stand in blocks, whose sums stay in registers. Usual sizes are known to the compiler, which does not find the groups by itself: they are
 //! vectors of `wide`.
 use std::ops::Range;
@@ -44,10 +37,6 @@ pub trait LaidOut: Send + Sync {
         states: &mut [Vec<f64>],
         whitened: &mut [Vec<f64>],
     );
-
-    /// Takes the derivative of half the sum of squares of a column of whitened innovations by the predicted state from behind some rows
-    /// of one gain to the first of them.
-    fn backwards(&self, gain: usize, whitened: &[f64], over: Range<usize>, costate: &mut [f64]);
 }
 
 /// Runs some rows of columns, at most [`RUN_ROWS`], and puts what is whitened into its place in those of the columns; each of `run` has room
@@ -231,24 +220,9 @@ impl<G: Size, C: Size, const B: usize> Gain<G, C, B> {
             }
         }
     }
-
-    /// Wᵀ w.
-    #[inline(always)]
-    fn before_whitening(&self, whitened: &C::Of<[f64; B]>, values: &mut C::Of<[f64; B]>) {
-        values.as_mut().fill([0.0; B]);
-        for (whitened, weights) in whitened.as_ref().iter().zip(self.whitening.as_ref()) {
-            for (weights, values) in weights.as_ref().iter().zip(values.as_mut()) {
-                for c in 0..B {
-                    for d in 0..B {
-                        values[d] += weights[c][d] * whitened[c];
-                    }
-                }
-            }
-        }
-    }
 }
 
-/// A step of either direction: e = v + S x and x ← Φ x + D e, from v and x.
+/// A step: e = v + S x and x ← Φ x + D e, from v and x.
 #[inline(always)]
 fn step<G: Size, C: Size, const B: usize>(
     transition: &Transition<G>,
@@ -345,12 +319,11 @@ impl<G: Size> Transition<G> {
     }
 }
 
-/// Both directions of a filter.
+/// The runs of a filter.
 struct Runs<G: Size, C: Size, const B: usize> {
     places: Places,
     channels: usize,
     transition: Transition<G>,
-    turned: Transition<G>,
     /// −H.
     minus_seen: C::Of<Ties<G, B>>,
     gains: Vec<Gain<G, C, B>>,
@@ -392,7 +365,6 @@ impl<G: Size, C: Size, const B: usize> Runs<G, C, B> {
         Box::new(Self {
             channels: m,
             transition: Transition::new(places, |i, j| transition[(i, j)]),
-            turned: Transition::new(places, |i, j| transition[(j, i)]),
             minus_seen: ties(&|c, i| -seen[(c, i)]),
             gains: gains.iter().map(of_gain).collect(),
             places: Places { of: places.of.clone(), ..*places },
@@ -491,23 +463,6 @@ impl<G: Size, C: Size, const B: usize> LaidOut for Runs<G, C, B> {
             self.run::<1>(gains, columns, over.clone(), states, whitened);
         }
     }
-
-    fn backwards(&self, gain: usize, whitened: &[f64], over: Range<usize>, costate: &mut [f64]) {
-        let (gain, rows) = (&self.gains[gain], whitened.len() / self.channels);
-        let mut placed = self.placed(costate);
-        let [mut innovations, mut white] = [0, 1].map(|_| self.zero_values());
-        let mut moved = vec![0.0; self.turned.beside.len()];
-        let ties = [&gain.driven, &self.minus_seen];
-        for row in over.rev() {
-            values(whitened, rows, row, white.as_mut());
-            gain.before_whitening(&white, &mut innovations);
-            step::<G, C, B>(&self.turned, ties, &mut placed, &mut innovations, &mut moved);
-            if row % FLUSH_ROWS == 0 {
-                placed.as_mut().iter_mut().for_each(|group| flush(group.as_mut_array()));
-            }
-        }
-        self.places.back(placed.as_ref(), costate);
-    }
 }
 
 #[cfg(test)]
@@ -566,12 +521,6 @@ mod tests {
                         assert_same(whitened, &expected[c * rows..][over.clone()]);
                     }
                 }
-                let [mut found, mut costate] = [drawn(n, 1.0), Vec::new()];
-                costate.clone_from(&found);
-                runs.backwards(1, &expected, 91..190, &mut found);
-                runs.backwards(0, &expected, 20..91, &mut found);
-                filter.backwards(&expected, 20..190, &mut costate, |_, _| ());
-                assert_same(&found, &costate);
             }
         }
     }

@@ -1,9 +1,24 @@
 //! Why a recording does not look like its simulation.
 //!
+//! | module | stage |
+//! | --- | --- |
+//! | [`inputs`] | what is recorded and what follows from it |
+//! | `problem` | the recording against its nominal model, and what may have been left out: [`catalogue`] |
+//! | `bands` | the whitened record as sums of products over bands |
+//! | [`noise`] | spectra of the noise, how far they are believed, their fit |
+//! | `evidence` | the one number of a description |
+//! | `search` | from description to description |
+//! | `exact` | the few that stand, over all rows |
+//! | `answer` | from the best of them to an [`explanation`] |
+//! | [`deploy`] | what was found as a compensation |
+//!
+//! [`config::Config`] holds every number that decides.
+//!
 //! ```
 //! use std::fmt::Write;
 //!
-//! use schuler_explain::explain::{Options, explain};
+//! use schuler_explain::config::Config;
+//! use schuler_explain::explain::explain;
 //! use schuler_recording::Recording;
 //!
 //! // Ten minutes of a gyro at rest, whose bias jumps in the middle by something that nobody has believed.
@@ -35,56 +50,41 @@
 //!     "#,
 //! )?;
 //! let recording = Recording::read(&folder.path().join("case.toml"))?;
-//! let explanation = explain(&recording, &Options::default())?;
+//! let explanation = explain(&recording, &Config::default())?;
 //! let [finding] = &explanation.findings[..] else { panic!("one thing was left out, and not {explanation:?}") };
 //! println!("{}", finding.sentence);
 //! assert_eq!((finding.sensor.as_str(), finding.interval_s[0].round()), ("gyro", 300.0));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-pub mod arrays;
-pub mod budget;
+mod answer;
+mod bands;
 pub mod calibration;
 pub mod catalogue;
-pub mod common_motion;
-pub mod constancy;
+mod common_motion;
+pub mod config;
 mod course;
 pub mod deploy;
-pub mod description;
-pub mod equivalence;
-pub mod evidence;
+mod description;
+pub mod diagnostics;
+mod evidence;
+mod exact;
 pub mod explain;
 pub mod explanation;
-pub mod hold_out;
 pub mod inputs;
-pub mod instead;
-pub mod jump;
 mod laid_out;
 pub mod least_squares;
-pub mod library;
-pub mod locate;
 pub mod minimise;
 pub mod noise;
-pub mod noise_change;
-pub mod noise_fit;
 pub mod nominal;
 mod onset_energy;
-pub mod price;
+mod problem;
 pub mod radio_identification;
 pub mod readings;
-pub mod refit;
-pub mod sandwich;
-pub mod scan;
-pub mod search;
-pub mod second;
-pub mod select;
+mod search;
 pub mod sentence;
-pub mod smooth;
-pub mod spectrum;
 mod spline;
-pub mod state;
 pub mod statistics;
-pub mod steady;
 pub mod watch;
-pub mod whiten;
+mod whiten;
 mod within_step;

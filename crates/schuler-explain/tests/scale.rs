@@ -5,12 +5,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
-use schuler_explain::common_motion::CommonMotion;
-use schuler_explain::explain::{Error, Options, explain_watched};
-use schuler_explain::noise::{Knob, Noise};
-use schuler_explain::noise_fit::{SourceKnob, curvature, logs_of, with_logs};
-use schuler_explain::nominal::Model;
-use schuler_explain::spectrum::{Derivatives, Spectrum};
+use schuler_explain::config::Config;
+use schuler_explain::explain::{Error, explain_watched};
 use schuler_explain::watch::{Phase, Watch};
 use schuler_recording::Recording;
 use schuler_recording::case::{Markov, MotionKind, Nominal, SensorKind};
@@ -20,8 +16,6 @@ use schuler_recording::unit::Unit;
 mod common;
 
 const WHITE: f64 = 1e-6;
-/// Step of differences, in logarithms.
-const STEP: f64 = 0.01;
 
 /// Gyros whose axes are spread over the sphere, in a motion that nobody knows; one has an error that grows with time.
 fn gyros(number: usize, rows: usize, drift: f64) -> Recording {
@@ -56,68 +50,6 @@ fn gyros(number: usize, rows: usize, drift: f64) -> Recording {
     common::recording(MotionKind::Unknown, sensors)
 }
 
-/// Derivatives in closed form are those by differences.
-fn assert_bends(
-    closed: &Derivatives,
-    noises: &[Noise],
-    knobs: &[SourceKnob],
-    likelihood: impl Fn(&[Noise]) -> f64,
-) {
-    let (logs, likelihood) =
-        (logs_of(noises, knobs), |logs: &[f64]| likelihood(&with_logs(noises, knobs, logs)));
-    let differences = curvature(&logs, STEP, |logs| -likelihood(logs));
-    assert!((&closed.curvature - &differences).amax() < 1e-3 * differences.amax(), "{differences}");
-    for (axis, slope) in closed.slopes.iter().enumerate() {
-        let moved = |by: f64| {
-            let mut moved = logs.clone();
-            moved[axis] += by;
-            likelihood(&moved)
-        };
-        let difference = (moved(STEP) - moved(-STEP)) / (2.0 * STEP);
-        assert!((slope - difference).abs() < 1e-3 * closed.slopes.amax(), "{axis}: {slope} {difference}");
-    }
-}
-
-/// All parameters of the noises of two sensors.
-fn knobs_of_two() -> Vec<SourceKnob> {
-    let own = [Knob::White, Knob::MarkovSigma(0), Knob::MarkovTau(0)];
-    [0, 3].into_iter().flat_map(|source| own.map(|knob| (source, knob))).collect()
-}
-
-#[test]
-fn whittles_likelihood_bends_as_differences_say() {
-    let model = Model::new(&gyros(8, 3000, 0.0), &[]).unwrap();
-    let (block, noises) = (&model.blocks[0], model.nominal_noises());
-    let filter = block.filter(&noises).unwrap();
-    let whitened = filter.whiten(&[&block.data]).swap_remove(0);
-    let spectrum = Spectrum::new(block, &filter, &noises, &whitened);
-    let knobs = knobs_of_two();
-    let closed = spectrum.derivatives(block, &noises, &knobs, STEP).unwrap();
-    assert_bends(&closed, &noises, &knobs, |noises| spectrum.log_likelihood(block, noises));
-}
-
-/// Of sensors that span the space, and of two that are alike.
-#[test]
-fn what_readings_tell_beside_residuals_bends_as_differences_say() {
-    for number in [6, 2] {
-        let mut recording = gyros(6, 3000, 0.0);
-        recording.sensors.truncate(number);
-        if number == 2 {
-            recording.sensors[1].sensor.axis = recording.sensors[0].sensor.axis;
-        }
-        let model = Model::new(&recording, &[]).unwrap();
-        let [common] = &CommonMotion::of_model(&model, &recording, &[])[..] else {
-            panic!("{number}: one block")
-        };
-        let mut noises = model.nominal_noises();
-        noises[0].white *= 1.5;
-        let knobs: Vec<SourceKnob> =
-            knobs_of_two().into_iter().map(|(source, knob)| (source % number, knob)).collect();
-        let closed = common.derivatives(&noises, &knobs, STEP).unwrap();
-        assert_bends(&closed, &noises, &knobs, |noises| common.beside_residual(noises));
-    }
-}
-
 /// Counts what it is told, and ends the explanation in a phase.
 struct Counter {
     told: AtomicUsize,
@@ -147,10 +79,10 @@ fn counter(until: Option<Phase>) -> Counter {
 fn fourteen_gyros_are_checked_together_and_the_one_that_drifts_is_named() {
     let recording = gyros(14, 1200, 8.0 * WHITE);
     let watch = counter(None);
-    let (explanation, _) = explain_watched(&recording, &Options::default(), &watch).unwrap();
+    let (explanation, _) = explain_watched(&recording, &Config::default(), &watch).unwrap();
     let first = explanation.findings.first().expect("a strong drift");
     assert_eq!(first.sensor, "gyro_4", "{}", first.sentence);
-    assert!(first.class.iter().any(|effect| effect == "bias_drift_linear"), "{:?}", first.class);
+    assert!(first.may_be("bias_drift_linear"), "{:?}", first.class);
     assert_eq!(explanation.findings.len(), 1);
     assert!(watch.told.load(Ordering::Relaxed) >= 5);
 }
@@ -159,7 +91,7 @@ fn fourteen_gyros_are_checked_together_and_the_one_that_drifts_is_named() {
 fn who_watches_can_end_it_in_every_phase() {
     let recording = gyros(5, 600, 8.0 * WHITE);
     let before = AtomicBool::new(true);
-    let cancelled = |watch: &dyn Watch| explain_watched(&recording, &Options::default(), watch).map(|_| ());
+    let cancelled = |watch: &dyn Watch| explain_watched(&recording, &Config::default(), watch).map(|_| ());
     assert_eq!(cancelled(&before), Err(Error::Cancelled));
     for phase in [Phase::Prepare, Phase::Search, Phase::Refine, Phase::Judge] {
         let watch = counter(Some(phase));

@@ -8,7 +8,8 @@ use host_sim::campaign::summary::summary;
 use host_sim::output::Interrupted;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
-use schuler_explain::explain::{Options, explain_watched};
+use schuler_explain::config::Config;
+use schuler_explain::explain::explain_watched;
 use schuler_explain::watch::Watch;
 use schuler_recording::Recording;
 
@@ -69,7 +70,7 @@ fn read(plan: &Path) -> PyResult<PlanFile> {
 
 fn explained(case: &Path, watch: &Shared) -> anyhow::Result<serde_json::Value> {
     let recording = Recording::read(case)?;
-    let (explanation, _) = explain_watched(&recording, &Options::default(), watch)?;
+    let (explanation, _) = explain_watched(&recording, &Config::default(), watch)?;
     Ok(serde_json::to_value(explanation)?)
 }
 

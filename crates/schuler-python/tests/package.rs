@@ -23,7 +23,8 @@ use schuler_core::isolation::sequential::{Recursion, SequentialFilter};
 use schuler_core::isolation::{FaultIsolation, IsolationConfig, Verdict};
 use schuler_core::module::{FlightModule, ModuleConfig, Status, StepInput, StepOutput};
 use schuler_core::reading::Reading;
-use schuler_explain::explain::{Options, explain};
+use schuler_explain::config::Config;
+use schuler_explain::explain::explain;
 use schuler_recording::{Recording, table};
 use schuler_tests::golden_records::{MinimalStandard, mistuned, record_k1, scenario_r1};
 use schuler_tests::python::{environment, install, project};
@@ -394,7 +395,7 @@ fn case(name: &str, coefficient: f64) -> Value {
     let path = directory.join(format!("{name}.toml"));
     fs::write(&path, text).expect("writable");
     let recording = Recording::read(&path).unwrap_or_else(|error| panic!("{error:#}"));
-    let explained = explain(&recording, &Options::default()).expect("can be explained");
+    let explained = explain(&recording, &Config::default()).expect("can be explained");
     let identified = identify(&recording, IdentifyOptions::default());
     let write = |what: &str, text: serde_json::Result<String>| -> PathBuf {
         let path = directory.join(format!("{name}.{what}.json"));

@@ -248,7 +248,7 @@ def test_wrong_arguments(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
         (["explain"], "found no case; expected case files"),
         (["explain", tmp_path / "absent"], "found no case; expected a case file, a directory or a pattern"),
         (["explain", "--list", tmp_path / "absent"], "cannot read the list: No such file"),
-        (["explain", plan, "--level", "2"], "--level: found 2.0; expected a probability"),
+        (["explain", plan, "--probability", "2"], "--probability: found 2.0; expected a probability"),
         (["explain", plan, "--workers", "0"], "--workers: found 0; expected at least 1"),
         (["campaign", tmp_path / "absent", "--seed", "1"], "No such file"),
         (["campaign", plan, "--seed", "1", "--only", "1"], "--only: found 1; expected a number below 1"),

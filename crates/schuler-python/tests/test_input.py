@@ -143,7 +143,7 @@ def test_cases_as_dictionaries_and_as_files(tmp_path: Path) -> None:
     path = write_case(tmp_path, "gyro", 5, coefficient=0.05)
     from_file = schuler.explain(path)
     assert from_file["verdict"] == "explained"
-    assert "bias_temperature" in from_file["findings"][0]["class"]
+    assert "bias_temperature" in [member["effect"] for member in from_file["findings"][0]["class"]]
     columns = arrays(5, coefficient=0.05)
     assert schuler.explain(case(), columns) == from_file
     assert schuler.explain(str(path), columns) == from_file
@@ -254,8 +254,8 @@ def test_wrong_cases(tmp_path: Path) -> None:
     broken.write_text('format = "schuler-case/1"\n[recording]\npath = 5\n')
     with pytest.raises(ValueError, match=r"broken\.toml:2: recording\.time: missing; expected .* \(and 1 more\)$"):
         schuler.explain(broken)
-    with pytest.raises(ValueError, match=r"level: found 2; expected a probability between 0 and 1$"):
-        schuler.explain(case(), arrays(1), level=2.0)
+    with pytest.raises(ValueError, match=r"probability: found 2; expected a probability between 0 and 1$"):
+        schuler.explain(case(), arrays(1), probability=2.0)
     with pytest.raises(TypeError, match=r"^case: found int; expected the path of a case file or a dictionary$"):
         schuler.explain(5)  # type: ignore[arg-type]
 

@@ -1,20 +1,19 @@
-//! Which engine explains a case: the one that users have, or one that grows beside it until a
-//! comparison says that it may take over.
+//! Which engine gave the answers of a record.
 use serde::{Deserialize, Serialize};
 
 /// An engine of `schuler explain`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Engine {
-    /// The engine of `schuler_explain::explain`.
-    #[default]
+    /// The one that grew case by case, of which the records are left.
     First,
-    /// The engine of `schuler_explain::second`.
+    /// One likelihood and one search.
+    #[default]
     Second,
 }
 
 impl Engine {
-    /// Its name on the command line and in records.
+    /// Its name in records.
     pub fn name(self) -> &'static str {
         match self {
             Self::First => "first",

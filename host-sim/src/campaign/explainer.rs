@@ -1,4 +1,4 @@
-//! Who looks for the effects: anything that takes a case and answers in the form `schuler-explanation/1`.
+//! Who looks for the effects: anything that takes a case and answers in the form `schuler-explanation/2`.
 //!
 //! The standard one is this command's own `explain`, run as a user runs it; another program can be given by its command line, so
 //! that any tool that writes the same answer can be judged.
@@ -10,7 +10,6 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail};
 use serde_json::Value;
 
-use super::engine::Engine;
 use super::processor;
 
 /// Takes the path of a case and gives the answer.
@@ -34,16 +33,15 @@ pub fn standard() -> Result<Box<Explainer<'static>>> {
     }))
 }
 
-/// One of the engines of this very program, ended where a case takes more than so many seconds of
-/// the processor.
+/// The same, ended where a case takes more than so many seconds of the processor.
 ///
 /// # Errors
 /// The program does not know where it lies.
-pub fn limited(engine: Engine, limit_s: f64) -> Result<Box<Explainer<'static>>> {
+pub fn limited(limit_s: f64) -> Result<Box<Explainer<'static>>> {
     let program = std::env::current_exe().context("cannot find this program")?;
     Ok(Box::new(move |case| {
         let mut command = Command::new(&program);
-        command.args(["explain", "--engine", engine.name(), "--json", "--quiet"]).arg(case);
+        command.args(["explain", "--json", "--quiet"]).arg(case);
         answer_within(&mut command, limit_s)
     }))
 }

@@ -11,7 +11,7 @@
 //! | [`answer`], [`seal`] | what was concealed, and its fingerprint |
 //! | [`unit_text`] | units of parameters |
 //! | [`explainer`], [`explanation`] | who looks, and what is answered |
-//! | [`engine`], [`processor`] | which engine of this program looks, and the time that it takes |
+//! | [`engine`], [`processor`] | which engine gave the answers of a record, and the time that it takes |
 //! | [`run`] | every case made, sealed, explained, opened, scored |
 //! | [`score`], [`summary`], [`report`] | what was found against what was concealed |
 //! | [`freeze`] | answers of an engine as data, and two engines compared case by case |

@@ -2,11 +2,11 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
+use schuler_explain::config::Config;
 use schuler_explain::deploy::{Deployed, Deployment, Stations, deploy};
-use schuler_explain::evidence::evidence;
-use schuler_explain::explain::{self as engine, Options, explain_watched};
+use schuler_explain::diagnostics::evidence;
+use schuler_explain::explain::{self as engine, explain_watched};
 use schuler_explain::explanation::Explanation;
-use schuler_explain::second;
 use schuler_link::block;
 use schuler_recording::{CaseFile, Error, Problem, Recording};
 use serde::Serialize;
@@ -16,7 +16,6 @@ use super::fly::write_json;
 use super::init::{self, Written};
 use super::memory::{self, Need};
 use super::session::Session;
-use crate::campaign::engine::Engine;
 use crate::flight;
 use crate::flight::sensors::Place;
 use crate::output::{self, Interrupted};
@@ -38,8 +37,8 @@ Examples:
     schuler explain run_17/case.toml --report run_17.html
     schuler explain run_17/case.toml --json > run_17.json
 
-  What is below the usual level as well, of which one record in five shows something by chance:
-    schuler explain run_17/case.toml --level 0.2
+  What is no more than as likely as not as well:
+    schuler explain run_17/case.toml --probability 0.5
 
   With the block by which the flight module takes the effects out:
     schuler explain run_17/case.toml --compensation run_17.block
@@ -71,12 +70,9 @@ pub(super) struct Shown {
     /// Also draw what is explained, what is left and each effect against its cause, in these forms; needs --out.
     #[arg(long, value_enum, value_delimiter = ',', requires = "out")]
     plot: Vec<Format>,
-    /// Probability that anything is found in a record with nothing left out.
-    #[arg(long, value_name = "PROBABILITY", default_value_t = Options::default().level)]
-    level: f64,
-    /// Engine; for comparisons of the one that is being made with the one in use.
-    #[arg(long, value_enum, default_value_t, hide = true)]
-    engine: Engine,
+    /// Posterior probability from which on a finding is told.
+    #[arg(long, default_value_t = Config::default().told_at)]
+    probability: f64,
     /// Write the block by which the flight module compensates what was found.
     #[arg(long, value_name = "BLOCK")]
     compensation: Option<PathBuf>,
@@ -173,15 +169,12 @@ fn explained(
     session: &Session,
 ) -> Result<Report, Failure> {
     let progress = session.phases();
-    let options = Options { level: shown.level, ..Options::default() };
-    let explained = match shown.engine {
-        Engine::First => explain_watched(recording, &options, &progress),
-        Engine::Second => second::explain_watched(recording, &second::config::Config::default(), &progress),
-    };
-    let (explanation, arrays) = explained.map_err(|error| match error {
-        engine::Error::Cancelled => Failure::Stopped(Interrupted),
-        error => Error::one(case, Problem::of_file(error.to_string())).into(),
-    })?;
+    let config = Config { told_at: shown.probability, ..Config::default() };
+    let (explanation, arrays) =
+        explain_watched(recording, &config, &progress).map_err(|error| match error {
+            engine::Error::Cancelled => Failure::Stopped(Interrupted),
+            error => Error::one(case, Problem::of_file(error.to_string())).into(),
+        })?;
     Ok(Report {
         title: recording.case.title.clone(),
         recorded: Recorded::of(recording, &case.display().to_string()),

@@ -21,12 +21,12 @@ use crate::campaign::plan::Plan;
 const EXAMPLES: &str = "\
 Examples:
   Answers to sixty concealed cases, and to a long plan as far as one gets; both go on where they were stopped:
-    schuler campaign freeze --plan host-sim/plans/small.toml --seed 1 --out records/first/small-1.jsonl
-    schuler campaign freeze --plan host-sim/plans/full.toml --seed 1 --most 200 --out records/first/full-1.jsonl
+    schuler campaign freeze --plan host-sim/plans/small.toml --seed 1 --out records/second/small-1.jsonl
+    schuler campaign freeze --plan host-sim/plans/full.toml --seed 1 --most 200 --out records/second/full-1.jsonl
 
   Answers to cases of others, with what they say is concealed, or without:
-    schuler campaign freeze --cases theirs/cases --truth theirs/answers --out records/first/theirs.jsonl
-    schuler campaign freeze --cases recordings --set real --out records/first/real.jsonl";
+    schuler campaign freeze --cases theirs/cases --truth theirs/answers --out records/second/theirs.jsonl
+    schuler campaign freeze --cases recordings --set real --out records/second/real.jsonl";
 
 /// What the help of comparing teaches.
 const COMPARING: &str = "\
@@ -38,9 +38,6 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Arguments {
-    /// Engine.
-    #[arg(long, value_enum, default_value_t)]
-    engine: Engine,
     /// Plan whose cases are made.
     #[arg(long, conflicts_with_all = ["cases", "truth"], requires = "seed", required_unless_present = "cases")]
     plan: Option<PathBuf>,
@@ -95,7 +92,7 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
     let header = Header {
         format: record::FORMAT.to_owned(),
         set: arguments.set.clone().or(stem).unwrap_or_default(),
-        engine: arguments.engine,
+        engine: Engine::default(),
         seed: plan.as_ref().and(arguments.seed),
         plan_sha256: plan.as_ref().map(|plan| format!("{:x}", Sha256::digest(plan.text.as_bytes()))),
         date: today(),
@@ -105,7 +102,7 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
         cases: set.len(),
     };
     let header = continued(&arguments.out, header)?;
-    let explainer = explainer::limited(arguments.engine, arguments.limit_s).map_err(Failure::Other)?;
+    let explainer = explainer::limited(arguments.limit_s).map_err(Failure::Other)?;
     let freeze = Freeze {
         set: &set,
         truth: arguments.truth.as_deref(),

@@ -1,5 +1,5 @@
 //! What the page's plots show: thinned, in the unit of the case, with a caption that says what to see.
-use schuler_explain::evidence::{
+use schuler_explain::diagnostics::{
     Autocorrelation, CaseEvidence, Compared, Dependence, SensorEvidence, Whiteness,
 };
 use serde::{Serialize, Serializer};
@@ -270,7 +270,7 @@ impl Context<'_> {
             format!("{}, {cause_unit}", it.cause.name),
             format!("residual less other findings, {unit}"),
         );
-        let off = |of: fn(&schuler_explain::evidence::Bin) -> f64| {
+        let off = |of: fn(&schuler_explain::diagnostics::Bin) -> f64| {
             let off = it.bins.iter().filter(|bin| of(bin).abs() > ERROR_BARS * bin.sigma).count();
             format!("{off} of {}", it.bins.len())
         };

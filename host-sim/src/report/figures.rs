@@ -1,5 +1,5 @@
 //! An explanation as figures in files: for each sensor what is explained, and what shows that it holds.
-use schuler_explain::evidence::{Dependence, SensorEvidence};
+use schuler_explain::diagnostics::{Dependence, SensorEvidence};
 
 use super::Report;
 use super::number::printed_unit;
@@ -77,7 +77,7 @@ fn whiteness(sensor: &SensorEvidence) -> Figure {
 
 fn dependence(sensor: &SensorEvidence, it: &Dependence) -> Panel {
     let si = sensor.unit.in_si();
-    let column = |of: &dyn Fn(&schuler_explain::evidence::Bin) -> f64| -> Vec<f64> {
+    let column = |of: &dyn Fn(&schuler_explain::diagnostics::Bin) -> f64| -> Vec<f64> {
         it.bins.iter().map(|bin| of(bin) / si).collect()
     };
     let x: Vec<f64> = it.bins.iter().map(|bin| bin.cause).collect();

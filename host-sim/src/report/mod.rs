@@ -15,7 +15,7 @@ mod page;
 mod thin;
 mod words;
 
-use schuler_explain::evidence::CaseEvidence;
+use schuler_explain::diagnostics::CaseEvidence;
 use schuler_explain::explanation::Explanation;
 use schuler_recording::Recording;
 

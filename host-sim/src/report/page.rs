@@ -7,7 +7,7 @@ use schuler_explain::explanation::{BeforeAfter, Finding, Fit, Goodness};
 
 use super::Report;
 use super::charts::{self, Chart};
-use super::number::{duration, plain, printed_unit, probability};
+use super::number::{duration, plain, probability};
 use super::words;
 use crate::plot::printable;
 
@@ -104,7 +104,6 @@ fn findings(report: &Report) -> Markup {
 }
 
 fn finding(report: &Report, index: usize, it: &Finding) -> Markup {
-    let others = words::not_told_from(it);
     // A finding of the noise adds to no sensor.
     let sensors = &report.evidence.sensors;
     let shown = sensors.iter().position(|sensor| sensor.findings.contains(&index));
@@ -121,19 +120,7 @@ fn finding(report: &Report, index: usize, it: &Finding) -> Markup {
                 }
                 dt { "Evidence" }
                 dd {
-                    (plain(it.evidence.gain_nats, 3)) " nats of likelihood; a record without any left-out effect shows \
-                     as much with " (probability(it.evidence.p_value))
-                }
-                @if !others.is_empty() {
-                    dt { "Or" }
-                    dd {
-                        "The data cannot tell it from "
-                        @for (place, other) in others.iter().enumerate() {
-                            @if place > 0 { ", " }
-                            code { (other) }
-                        }
-                        "."
-                    }
+                    "probability " (words::sure(it.evidence.p_value)) ", log odds " (plain(it.evidence.gain_nats, 3)) " nats"
                 }
             }
             @if !it.parameters.is_empty() {
@@ -153,29 +140,16 @@ fn finding(report: &Report, index: usize, it: &Finding) -> Markup {
                     }
                 }))
             }
-            @if !it.rivals.is_empty() {
-                h4 { "What looks like it" }
+            @if !it.rivals().is_empty() {
+                h4 { "What else it may be" }
                 ul {
-                    @for told in words::rival_words(&it.rivals) {
+                    @for told in words::rival_words(it.rivals()) {
                         li {
-                            strong { (told.what) } ": " (told.how_alike) "."
+                            strong { (told.what) } ": " (told.how_likely) "."
                             @if !told.experiment.is_empty() { " " em { "To tell them apart:" } " " (told.experiment) }
                         }
                     }
                 }
-            }
-            @if !it.noise_shift.is_empty() {
-                h4 { "How the noise had swallowed it" }
-                (table(&["Parameter of the noise", "Fitted without", "Fitted with"], &html! {
-                    @for shift in &it.noise_shift {
-                        @let unit = printed_unit(&shift.unit);
-                        tr {
-                            th scope="row" { (shift.sensor) ", " code { (shift.name) } }
-                            td { (plain(shift.before, 3)) " " (unit) }
-                            td { (plain(shift.after, 3)) " " (unit) }
-                        }
-                    }
-                }))
             }
             @if let Some(sensor) = shown { p { a href={ "#sensor-" (sensor) } { "See the evidence" } } }
         }

@@ -2,14 +2,12 @@
 use std::fmt::Write;
 
 use schuler_explain::catalogue::{CATALOGUE, Effect, SETUP};
-use schuler_explain::explanation::{
-    BeforeAfter, Finding, Located, NoiseShift, Parameter, Remainder, Rival, Verdict,
-};
+use schuler_explain::explanation::{BeforeAfter, Finding, Located, Member, Parameter, Remainder, Verdict};
 use schuler_explain::sentence::{of_stated, quoted as quoted_parameters, said};
 use schuler_recording::error::rounded;
 
 use super::Report;
-use super::number::{duration, plain, printed_unit, probability, quoted};
+use super::number::{duration, plain, probability, quoted};
 
 /// A finding that begins or ends within this part of the recording's length from its ends is over the whole of it.
 const WHOLE: f64 = 0.001;
@@ -132,30 +130,17 @@ pub(super) fn implausible(finding: &Finding) -> Option<String> {
     })
 }
 
-/// What the data cannot tell from a finding: effects of the same sensor, and two of them together.
-pub(super) fn not_told_from(it: &Finding) -> Vec<String> {
-    let pair = |effect: &String| {
-        let rival = it.rivals.iter().find(|rival| rival.sensor == it.sensor && rival.effect == *effect)?;
-        let mut both = [effect, rival.together_with.as_ref()?];
-        both.sort_unstable();
-        Some(format!("{} and {} together", both[0], both[1]))
-    };
-    let mut others: Vec<String> = Vec::new();
-    for effect in it.class.iter().filter(|effect| **effect != it.effect) {
-        let told = pair(effect).unwrap_or_else(|| effect.clone());
-        if !others.contains(&told) {
-            others.push(told);
-        }
-    }
-    others
+/// A probability by that of the contrary.
+pub(super) fn sure(contrary: f64) -> String {
+    if contrary < 1e-4 { "above 0.9999".to_owned() } else { plain(1.0 - contrary, 4) }
 }
 
 /// What else the data allow, as a line each.
-pub(super) fn rivals(rivals: &[Rival]) -> Vec<String> {
-    let line = |RivalWords { what, how_alike, experiment }| {
+pub(super) fn rivals(rivals: &[Member]) -> Vec<String> {
+    let line = |RivalWords { what, how_likely, experiment }| {
         let experiment =
             if experiment.is_empty() { String::new() } else { format!(" To tell: {experiment}") };
-        format!("{what}: {how_alike}.{experiment}")
+        format!("{what}: {how_likely}.{experiment}")
     };
     rival_words(rivals).into_iter().map(line).collect()
 }
@@ -163,66 +148,33 @@ pub(super) fn rivals(rivals: &[Rival]) -> Vec<String> {
 /// Rivals that the same experiment tells from the finding, in pieces.
 pub(super) struct RivalWords {
     pub(super) what: String,
-    pub(super) how_alike: String,
+    pub(super) how_likely: String,
     pub(super) experiment: String,
 }
 
 /// What else the data allow, by the experiment that would tell, in the order of the first of each.
-pub(super) fn rival_words(rivals: &[Rival]) -> Vec<RivalWords> {
-    let mut groups: Vec<Vec<&Rival>> = Vec::new();
+pub(super) fn rival_words(rivals: &[Member]) -> Vec<RivalWords> {
+    let mut groups: Vec<Vec<&Member>> = Vec::new();
     for rival in rivals {
         match groups.iter_mut().find(|group| group[0].separated_by == rival.separated_by) {
             Some(group) => group.push(rival),
             None => groups.push(vec![rival]),
         }
     }
-    let words = |group: Vec<&Rival>| {
+    let words = |group: Vec<&Member>| {
         let experiment = group[0].separated_by.trim();
         let stop = if experiment.is_empty() || experiment.ends_with('.') { "" } else { "." };
-        let name = |it: &&Rival| {
-            let beside = it.together_with.as_ref().map_or(String::new(), |other| format!(" with {other}"));
-            format!("{}{beside} of {}", it.effect, it.sensor)
-        };
+        let name = |it: &&Member| format!("{} of {}", it.effect, it.sensor);
         let names: Vec<String> = group.iter().map(name).collect();
-        let span = |of: fn(&Rival) -> f64| {
-            let values = || group.iter().map(|it| of(it));
-            [values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max)]
-        };
-        let (angles, behind) = (span(|it| it.principal_angle_deg), span(|it| it.behind_nats));
-        let (signatures, likelihoods) = if names.len() == 1 {
-            ("its signature is", "its likelihood")
+        let together: f64 = group.iter().map(|it| it.probability).sum();
+        let how_likely = if names.len() == 1 {
+            format!("probability {}", plain(together, 2))
         } else {
-            ("their signatures are", "their likelihoods")
+            format!("together probability {}", plain(together, 2))
         };
-        let angles = between(angles, |angle| format!("{}°", plain(angle, 2)));
-        let behind = between(behind, |nats| {
-            format!("{} nats {}", plain(nats.abs(), 2), if nats < 0.0 { "ahead" } else { "behind" })
-        });
-        RivalWords {
-            what: names.join(", "),
-            how_alike: format!("{signatures} {angles} from that of the finding, {likelihoods} {behind}"),
-            experiment: format!("{experiment}{stop}"),
-        }
+        RivalWords { what: names.join(", "), how_likely, experiment: format!("{experiment}{stop}") }
     };
     groups.into_iter().map(words).collect()
-}
-
-/// "3 K", or "3 K to 5 K".
-fn between([low, high]: [f64; 2], text: impl Fn(f64) -> String) -> String {
-    let (low, high) = (text(low), text(high));
-    if low == high { low } else { format!("{low} to {high}") }
-}
-
-/// "markov.tau_s of gyro_x: 221 → 300 s"
-pub(super) fn noise_shift(shift: &NoiseShift) -> String {
-    format!(
-        "{} of {}: {} → {} {}",
-        shift.name,
-        shift.sensor,
-        plain(shift.before, 3),
-        plain(shift.after, 3),
-        printed_unit(&shift.unit)
-    )
 }
 
 /// Where and when they differ.
@@ -298,24 +250,17 @@ pub(super) fn text(report: &Report) -> String {
         text.line(
             3,
             &format!(
-                "Left out: {}. Gain {} nats, {}.",
+                "Left out: {}. Probability {}, log odds {} nats.",
                 left_out(&it.effect),
-                plain(it.evidence.gain_nats, 3),
-                probability(it.evidence.p_value)
+                sure(it.evidence.p_value),
+                plain(it.evidence.gain_nats, 3)
             ),
         );
         if let Some(warning) = implausible(it) {
             text.line(3, &warning);
         }
-        let others = not_told_from(it);
-        if !others.is_empty() {
-            text.line(3, &format!("The data cannot tell it from {}.", others.join(", ")));
-        }
-        for rival in rivals(&it.rivals) {
-            text.line(3, &format!("Rival: {rival}"));
-        }
-        for shift in &it.noise_shift {
-            text.line(3, &format!("Noise: {}", noise_shift(shift)));
+        for rival in rivals(it.rivals()) {
+            text.line(3, &format!("It may be {rival}"));
         }
     }
     if let Some(better) = held_out(&explanation.fit.held_out) {
@@ -382,7 +327,8 @@ mod tests {
         Finding {
             sensor: "gyro_x".into(),
             effect: "bias_temperature_rate".into(),
-            class: vec!["bias_temperature_rate".into()],
+            probability: 1.0,
+            class: Vec::new(),
             interval_s: [11_520.0, 86_400.0],
             parameters: vec![Parameter {
                 name: "coefficient".into(),
@@ -394,69 +340,28 @@ mod tests {
             }],
             evidence: Evidence { gain_nats: 812.4, p_value: 1e-12 },
             sentence: "gyro_x drifts with the rate of its temperature".into(),
-            noise_shift: Vec::new(),
-            rivals: Vec::new(),
         }
     }
 
     #[test]
     fn rivals_that_one_experiment_tells_are_one_line() {
-        let rival = |effect: &str, principal_angle_deg, behind_nats, separated_by: &str| Rival {
+        let rival = |effect: &str, probability, separated_by: &str| Member {
             sensor: "gyro".into(),
             effect: effect.into(),
-            principal_angle_deg,
-            behind_nats,
+            probability,
             separated_by: separated_by.into(),
-            together_with: None,
         };
         let all = [
-            rival("bias_temperature", 0.0, -1.3, "tilt it"),
-            rival("periodic_line", 90.0, 3.1, "sample faster."),
-            rival("bias_warmup", 15.0, 0.05, "tilt it"),
+            rival("bias_temperature", 0.31, "tilt it"),
+            rival("periodic_line", 0.042, "sample faster."),
+            rival("bias_warmup", 0.2, "tilt it"),
         ];
         assert_eq!(
             rivals(&all),
             [
-                "bias_temperature of gyro, bias_warmup of gyro: their signatures are 0° to 15° from that of the finding, \
-                 their likelihoods 1.3 nats ahead to 0.050 nats behind. To tell: tilt it.",
-                "periodic_line of gyro: its signature is 90° from that of the finding, its likelihood 3.1 nats behind. \
-                 To tell: sample faster."
+                "bias_temperature of gyro, bias_warmup of gyro: together probability 0.51. To tell: tilt it.",
+                "periodic_line of gyro: probability 0.042. To tell: sample faster."
             ]
-        );
-    }
-
-    #[test]
-    fn two_that_do_as_one_are_told_together() {
-        let class = ["bias_thermal_lag", "bias_warmup", "bias_temperature", "bias_temperature_rate"];
-        let rival = |effect: &str, together_with: Option<&str>| Rival {
-            sensor: "gyro_x".into(),
-            effect: effect.into(),
-            principal_angle_deg: 40.0,
-            behind_nats: 0.5,
-            separated_by: "soak at two temperatures".into(),
-            together_with: together_with.map(Into::into),
-        };
-        let it = Finding {
-            effect: class[0].into(),
-            class: class.map(Into::into).to_vec(),
-            rivals: vec![
-                rival(class[1], None),
-                rival(class[2], Some(class[3])),
-                rival(class[3], Some(class[2])),
-            ],
-            ..example()
-        };
-        assert_eq!(
-            not_told_from(&it),
-            ["bias_warmup", "bias_temperature and bias_temperature_rate together"]
-        );
-        assert!(
-            rivals(&it.rivals)[0].starts_with(
-                "bias_warmup of gyro_x, bias_temperature with bias_temperature_rate of gyro_x, \
-                 bias_temperature_rate with bias_temperature of gyro_x: "
-            ),
-            "{:?}",
-            rivals(&it.rivals)
         );
     }
 

@@ -6,10 +6,10 @@ use host_sim::report::{Recorded, Report};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
-use schuler_explain::evidence::{CaseArrays, Cause, Part, SensorArrays, evidence};
+use schuler_explain::diagnostics::{CaseArrays, Cause, Part, SensorArrays, evidence};
 use schuler_explain::explanation::{
-    BeforeAfter, Evidence, Explanation, FORMAT, Finding, Fit, Goodness, Located, NoiseShift, Parameter,
-    Remainder, Rival, Verdict,
+    BeforeAfter, Evidence, Explanation, FORMAT, Finding, Fit, Goodness, Located, Member, Parameter,
+    Remainder, Verdict,
 };
 use schuler_recording::unit::Unit;
 
@@ -172,40 +172,31 @@ fn explanation(prefix: &str, names: &[String]) -> Explanation {
             Finding {
                 sensor: names[0].clone(),
                 effect: "bias_temperature_rate".into(),
-                class: vec!["bias_temperature_rate".into(), "bias_thermal_lag".into()],
+                probability: 1.0,
+                class: vec![
+                    Member {
+                        sensor: names[0].clone(),
+                        effect: "bias_temperature_rate".into(),
+                        probability: 0.67,
+                        separated_by: String::new(),
+                    },
+                    Member {
+                        sensor: names[0].clone(),
+                        effect: "bias_thermal_lag".into(),
+                        probability: 0.33,
+                        separated_by: "A daily cycle, or two steps of temperature an hour apart".into(),
+                    },
+                ],
                 interval_s: [0.0, ROWS as f64],
                 parameters: vec![parameter("coefficient", 0.5012, 0.0123, "deg/h/(K/h)", Some(true))],
                 evidence: Evidence { gain_nats: 812.4, p_value: 1e-12 },
                 sentence: format!("{} drifts with the rate of its temperature", names[0]),
-                noise_shift: vec![
-                    NoiseShift {
-                        sensor: names[0].clone(),
-                        name: "markov.tau_s".into(),
-                        unit: "s".into(),
-                        before: 221.3,
-                        after: 299.8,
-                    },
-                    NoiseShift {
-                        sensor: names[0].clone(),
-                        name: "markov.sigma".into(),
-                        unit: "deg/h".into(),
-                        before: 1.393,
-                        after: 1.001,
-                    },
-                ],
-                rivals: vec![Rival {
-                    sensor: names[0].clone(),
-                    effect: "bias_thermal_lag".into(),
-                    principal_angle_deg: 2.4,
-                    behind_nats: 0.7,
-                    separated_by: "A daily cycle, or two steps of temperature an hour apart".into(),
-                    together_with: None,
-                }],
             },
             Finding {
                 sensor: names[1].clone(),
                 effect: "bias_step".into(),
-                class: vec!["bias_step".into()],
+                probability: 0.99996,
+                class: Vec::new(),
                 interval_s: [ONSET_S, ROWS as f64],
                 parameters: vec![
                     parameter("coefficient", 1.62, 0.09, "deg/h", Some(false)),
@@ -213,8 +204,6 @@ fn explanation(prefix: &str, names: &[String]) -> Explanation {
                 ],
                 evidence: Evidence { gain_nats: 96.1, p_value: 4e-5 },
                 sentence: format!("the bias of {} steps", names[1]),
-                noise_shift: Vec::new(),
-                rivals: Vec::new(),
             },
         ],
         fit: Fit { train: fit.clone(), held_out: fit },

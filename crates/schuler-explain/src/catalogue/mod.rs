@@ -37,6 +37,8 @@ pub use effect::{
     ReadingFault, Search, Signature, SignatureOf, Target, share_equal_series,
 };
 
+use crate::nominal::Model;
+
 /// Effects whose signatures are of the motion: what an instrument's readings make of it comes as late as the readings.
 const OF_THE_MOTION: &[&str] = &[
     failures::OUTPUT_SATURATED.id,
@@ -174,3 +176,14 @@ pub const CATALOGUE: &[Effect] = &[
     noise::NOISE_VARIANCE_STEP,
     noise::NOISE_OUTLIERS,
 ];
+
+/// Name of what a candidate acts on.
+pub fn target_name(model: &Model, candidate: &Candidate) -> String {
+    match &candidate.target {
+        Target::Group { name, .. } => name.clone(),
+        Target::Sensor(sensor) => model
+            .source_of(*sensor, candidate.port)
+            .and_then(|source| model.sources.get(source))
+            .map_or_else(String::new, |source| source.name.clone()),
+    }
+}

@@ -12,7 +12,6 @@
 //! lag or a delay of the noise would be found where there is none. What changes from row to row more than the noise does
 //! stays.
 use std::collections::HashMap;
-use std::sync::Arc;
 
 use nalgebra::{Matrix3xX, MatrixXx3, Vector3};
 use schuler_recording::Recording;
@@ -24,11 +23,10 @@ use super::series::range;
 use super::smoother::{Measurement, process_noise, smooth};
 use crate::catalogue::Port;
 use crate::common_motion::CommonMotion;
+use crate::description::{left_of, project};
 use crate::noise::Noise;
 use crate::nominal::{Block, Model};
 use crate::readings::faults;
-use crate::state::{Bench, Case, Whitened};
-use crate::watch::Unwatched;
 
 /// Singular values below this part of the largest are 0.
 pub const RANK_TOLERANCE: f64 = 1e-6;
@@ -49,11 +47,11 @@ pub fn noise_told(recording: &Recording) -> Vec<KnownNoise> {
     let Ok(model) = Model::new(recording, &masked) else { return Vec::new() };
     let motions = CommonMotion::of_model(&model, recording, &masked);
     let noises = motions.iter().fold(model.nominal_noises(), |noises, motion| motion.fitted(&noises));
-    let case = Case::new(&model, &[], &model.time_s, &Unwatched);
-    let bench = Bench::new(&case, &[], &noises);
-    let of_block = |(block, whitened): (&Block, &Option<Arc<Whitened>>)| -> Vec<KnownNoise> {
-        let Some(whitened) = whitened else { return Vec::new() };
-        let scores = whitened.filter.adjoint(&whitened.remainder);
+    let of_block = |(index, block): (usize, &Block)| -> Vec<KnownNoise> {
+        let Some(filter) = block.filter(&noises) else { return Vec::new() };
+        let left = left_of(&filter, project(&model, index, &[]));
+        let innovations = filter.whiten(&[&left]).swap_remove(0);
+        let scores = filter.adjoint(&innovations);
         let of_sensor = |(&sensor, &source): (&usize, &usize)| {
             let scores = block.back_project(&scores, sensor, Port::Output)?;
             let noise = noises[source].clone();
@@ -61,7 +59,7 @@ pub fn noise_told(recording: &Recording) -> Vec<KnownNoise> {
         };
         block.sensors.iter().zip(&block.sources).filter_map(of_sensor).collect()
     };
-    model.blocks.iter().zip(&bench.blocks).flat_map(of_block).collect()
+    model.blocks.iter().enumerate().flat_map(of_block).collect()
 }
 
 /// Motion of the given dimension in body axes, SI units; NaN where no sensor has a reading. None without sensors. `known` is what is known

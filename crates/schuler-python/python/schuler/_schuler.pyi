@@ -379,7 +379,7 @@ def explain(
     case: _Case,
     recording: _Recording | None = None,
     *,
-    level: float = 0.01,
+    probability: float = 0.95,
     hold_out: bool = True,
     progress: Callable[[str, float], object] | None = None,
 ) -> Explanation: ...

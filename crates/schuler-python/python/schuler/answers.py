@@ -15,31 +15,19 @@ class Parameter(TypedDict):
 
 
 class Evidence(TypedDict):
-    """How sure a finding is: gain of log-likelihood, and probability that a record without any effect shows so much."""
+    """How sure a finding is: logarithm of its odds, and probability that nothing of its class is there."""
 
     gain_nats: float
     p_value: float
 
 
-class NoiseShift(TypedDict):
-    """A noise parameter before and after a finding entered."""
-
-    sensor: str
-    name: str
-    unit: str
-    before: float | None
-    after: float | None
-
-
-class Rival(TypedDict):
-    """An effect that the data cannot tell from a finding."""
+class Member(TypedDict):
+    """What a finding may be, and how probable that is, given that it is one of its class."""
 
     sensor: str
     effect: str
-    principal_angle_deg: float | None
-    behind_nats: float | None
+    probability: float
     separated_by: str
-    together_with: NotRequired[str]
 
 
 # Not a class: `class` is a keyword.
@@ -48,13 +36,12 @@ Finding = TypedDict(
     {
         "sensor": str,
         "effect": str,
-        "class": list[str],
+        "probability": float,
+        "class": list[Member],
         "interval_s": list[float],
         "parameters": list[Parameter],
         "evidence": Evidence,
         "sentence": str,
-        "noise_shift": NotRequired[list[NoiseShift]],
-        "rivals": NotRequired[list[Rival]],
     },
 )
 
@@ -105,7 +92,7 @@ class Remainder(TypedDict):
 
 
 class Explanation(TypedDict):
-    """`schuler-explanation/1`."""
+    """`schuler-explanation/2`."""
 
     format: str
     verdict: Literal["explained", "partly_explained", "no_mismatch", "unexplained"]

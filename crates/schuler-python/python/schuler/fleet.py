@@ -88,6 +88,15 @@ PARAMETER = pa.struct(
     ]
 )
 
+MEMBER = pa.struct(
+    [
+        pa.field("sensor", pa.string()),
+        pa.field("effect", pa.string()),
+        pa.field("probability", pa.float64()),
+        pa.field("separated_by", pa.string()),
+    ]
+)
+
 FINDINGS = pa.schema(
     [
         pa.field("case", pa.string(), nullable=False),
@@ -96,7 +105,8 @@ FINDINGS = pa.schema(
         pa.field("rank", pa.uint32(), nullable=False),
         pa.field("sensor", pa.string(), nullable=False),
         pa.field("effect", pa.string(), nullable=False),
-        pa.field("class", pa.list_(pa.string())),
+        pa.field("probability", pa.float64()),
+        pa.field("class", pa.list_(MEMBER)),
         pa.field("start_s", pa.float64()),
         pa.field("end_s", pa.float64()),
         pa.field("gain_nats", pa.float64()),
@@ -114,7 +124,7 @@ class Job:
 
     case: str
     """Path of the case, or of the plan."""
-    level: float = 0.01
+    probability: float = 0.95
     """Probability of a false finding."""
     seed: int | None = None
     """Seed of the campaign."""
@@ -128,7 +138,7 @@ class Job:
 
     def fingerprint(self) -> str:
         """What the answer depends on: a case file and a plan by their content, a table by size and time of change."""
-        about: list[Any] = [schuler.__version__, self.level, self.seed, self.index]
+        about: list[Any] = [schuler.__version__, self.probability, self.seed, self.index]
         try:
             text = Path(self.case).read_bytes()
             about.append(hashlib.sha256(text).hexdigest())
@@ -159,7 +169,7 @@ def attempt(job: Job) -> Result:
     status = Status.ANSWERED
     try:
         if job.seed is None or job.index is None:
-            answer = schuler.explain(job.case, level=job.level)
+            answer = schuler.explain(job.case, probability=job.probability)
         else:
             answer = schuler.campaign_case(job.case, seed=job.seed, index=job.index)
     except ValueError as wrong:
@@ -243,7 +253,7 @@ def finding(job: Job, rank: int, found: Any) -> dict[str, Any]:
     if isinstance(found, list):
         return row | {"sensor": found[0], "effect": found[1]}
     start_s, end_s = found["interval_s"]
-    columns = ("sensor", "effect", "class", "parameters", "sentence")
+    columns = ("sensor", "effect", "probability", "class", "parameters", "sentence")
     row |= {name: found[name] for name in columns} | {"start_s": start_s, "end_s": end_s}
     row["parameters"] = [
         # A column of a table holds numbers or words.
@@ -401,7 +411,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     explain = commands.add_parser("explain", help="explain cases")
     explain.add_argument("cases", nargs="*", metavar="CASE", help="case file, directory of cases, or pattern")
     explain.add_argument("--list", action="append", default=[], metavar="FILE", help="file with one of these a line")
-    explain.add_argument("--level", type=float, default=0.01, help="probability of a false finding")
+    explain.add_argument("--probability", type=float, default=0.95, help="from which on a finding is told")
     campaign = commands.add_parser("campaign", help="run campaigns of cases with concealed effects")
     campaign.add_argument("plan", help="plan file")
     campaign.add_argument("--seed", type=int, action="append", required=True, help="seed; several make several campaigns")
@@ -438,11 +448,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def explanations(given: argparse.Namespace) -> list[Job]:
     """The cases to explain."""
-    if not 0.0 < given.level < 1.0:
-        raise ValueError(f"--level: found {given.level}; expected a probability between 0 and 1")
+    if not 0.0 < given.probability < 1.0:
+        raise ValueError(f"--probability: found {given.probability}; expected a probability between 0 and 1")
     if not given.cases and not given.list:
         raise ValueError("found no case; expected case files, directories, patterns or --list")
-    return [Job(case, level=given.level) for case in find(given.cases, given.list)]
+    return [Job(case, probability=given.probability) for case in find(given.cases, given.list)]
 
 
 def campaigns(given: argparse.Namespace) -> list[Job]:

@@ -1,0 +1,134 @@
+//! The descriptions that are kept, and which of them are expanded.
+use std::collections::HashSet;
+
+use rayon::prelude::*;
+
+use super::known::Known;
+use super::library::Shelf;
+use super::moves::{
+    Item, candidate_of, items, reached_by, structure, with_one_more, without, without_several,
+};
+use super::telegraph::with_telegraph;
+use crate::catalogue::Search;
+use crate::evidence::fit::{Bench, Description};
+
+/// The descriptions of a search, the best first, one of each structure.
+pub struct Beam {
+    /// The descriptions.
+    pub descriptions: Vec<Description>,
+    /// Structure and evidence of descriptions of the record whitened otherwise.
+    pub others: Vec<(Structure, f64)>,
+}
+
+/// What makes descriptions the same but for the values of their parameters.
+pub type Structure = Vec<(usize, Vec<String>)>;
+
+/// Searches from a description on: of the best that are not expanded yet the neighbours are fitted, those with an item more, less, or
+/// another in its place, until none of the best is left.
+pub fn search(bench: &Bench<'_>, library: &[Shelf], start: Description) -> Beam {
+    let mut kept = Kept { known: vec![(structure(&start), start)], ..Kept::default() };
+    kept.expand(bench, library);
+    if kept.jump(bench) {
+        kept.expand(bench, library);
+    }
+    let descriptions = kept.known.into_iter().map(|(_, description)| description).collect();
+    Beam { descriptions, others: Vec::new() }
+}
+
+/// The descriptions that are known, one of each structure.
+#[derive(Default)]
+struct Kept {
+    known: Vec<(Structure, Description)>,
+    /// Those whose neighbours were sought.
+    expanded: HashSet<Structure>,
+    /// Those to which an item more was sought, and in which blocks.
+    extended: HashSet<(Structure, Vec<usize>)>,
+    /// What was computed of their parts.
+    parts: Known,
+}
+
+impl Kept {
+    /// Expands the best until none of them is left.
+    fn expand(&mut self, bench: &Bench<'_>, library: &[Shelf]) {
+        let config = bench.problem.config;
+        loop {
+            self.known.sort_by(|a, b| b.1.ln_evidence.total_cmp(&a.1.ln_evidence).then(a.0.cmp(&b.0)));
+            let best = self.known[0].1.ln_evidence;
+            let next = (self.known.iter().take(config.expanded))
+                .find(|(of, description)| {
+                    !self.expanded.contains(of) && description.ln_evidence > best - config.expanded_within
+                })
+                .cloned();
+            let Some((of, description)) = next.filter(|_| !bench.problem.watch.is_cancelled()) else {
+                return;
+            };
+            self.expanded.insert(of);
+            // What is added elsewhere than where something is left out is two moves, each of which has its turn.
+            let mut bases = neighbours_below(bench, &description);
+            let mut found: Vec<Description> = bases.iter().map(|(base, _)| base.clone()).collect();
+            if description.items() < config.most_items {
+                let all = (0..bench.sums.len()).filter(|&block| bench.sums[block].is_some()).collect();
+                bases.push((description, all));
+            }
+            for (base, among) in bases {
+                if self.extended.insert((structure(&base), among.clone())) {
+                    found.extend(with_one_more(bench, library, &self.parts, &base, &among, best));
+                }
+            }
+            self.take(found);
+        }
+    }
+
+    /// Seeks a telegraph beside the best description, in the place of each of its items, and in that of all steps, of all effects
+    /// and of all that is in a block: what jumps often was told as many steps. Whether there is a better one by it.
+    fn jump(&mut self, bench: &Bench<'_>) -> bool {
+        let best = self.known[0].1.clone();
+        let mut bases: Vec<Description> =
+            neighbours_below(bench, &best).into_iter().map(|(base, _)| base).collect();
+        bases.extend(neighbours_far_below(bench, &best));
+        bases.push(best.clone());
+        let found: Vec<Description> =
+            bases.par_iter().flat_map_iter(|base| with_telegraph(bench, base)).collect();
+        let is_better = found.iter().any(|it| it.ln_evidence > best.ln_evidence);
+        self.take(found);
+        is_better
+    }
+
+    /// Takes descriptions in, of each structure the best.
+    fn take(&mut self, found: Vec<Description>) {
+        for description in found {
+            let of = structure(&description);
+            match self.known.iter_mut().find(|(known, _)| *known == of) {
+                Some((_, other)) if other.ln_evidence < description.ln_evidence => *other = description,
+                Some(_) => {}
+                None => self.known.push((of, description)),
+            }
+        }
+    }
+}
+
+/// The descriptions that lack one item of another, with the blocks that it reached.
+fn neighbours_below(bench: &Bench<'_>, description: &Description) -> Vec<(Description, Vec<usize>)> {
+    let without =
+        |&item: &Item| Some((without(bench, description, item)?, reached_by(bench, description, item)));
+    items(description).par_iter().filter_map(without).collect()
+}
+
+/// The descriptions that lack all steps and ramps of a block, all its effects, or all its items, where those are several.
+fn neighbours_far_below(bench: &Bench<'_>, description: &Description) -> Vec<Description> {
+    let is_effect = |item: &Item| matches!(item, Item::Placed(_));
+    let is_onset = |item: &Item| {
+        let candidate = candidate_of(description, *item);
+        matches!(bench.problem.candidates[candidate].search, Search::Onset(_))
+    };
+    let sets = (0..bench.sums.len()).flat_map(|block| {
+        let all = items(description).into_iter();
+        let all: Vec<Item> = all.filter(|&item| reached_by(bench, description, item) == [block]).collect();
+        let of = |belongs: &dyn Fn(&Item) -> bool| all.iter().copied().filter(belongs).collect::<Vec<_>>();
+        let mut sets = vec![of(&is_onset), of(&is_effect), all];
+        sets.dedup();
+        sets
+    });
+    let several: Vec<Vec<Item>> = sets.filter(|set| set.len() > 1).collect();
+    several.par_iter().filter_map(|set| without_several(bench, description, set)).collect()
+}

@@ -1,0 +1,255 @@
+//! The descriptions that are one item away from another.
+use rayon::prelude::*;
+
+use super::beside::Beside;
+use super::known::Known;
+use super::library::{Offer, Shelf, offers, placed};
+use super::noises::{Promised, other_noises};
+use super::pairs::with_pairs;
+use super::scans::scans;
+use crate::catalogue::Search;
+use crate::evidence::fit::{Bench, Change, Description, Placed};
+use crate::noise::{Knob, Noise};
+
+/// An item of a description.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Item {
+    /// The deterministic effect at a place.
+    Placed(usize),
+    /// The change of noise at a place.
+    Change(usize),
+}
+
+/// The items of a description.
+pub fn items(description: &Description) -> Vec<Item> {
+    let placed = (0..description.placed.len()).map(Item::Placed);
+    placed.chain((0..description.changes.len()).map(Item::Change)).collect()
+}
+
+/// The candidate that an item is of, by its place among all.
+pub fn candidate_of(description: &Description, item: Item) -> usize {
+    match item {
+        Item::Placed(place) => description.placed[place].term.candidate,
+        Item::Change(place) => description.changes[place].candidate,
+    }
+}
+
+/// The blocks that an item reaches.
+pub fn reached_by(bench: &Bench<'_>, description: &Description, item: Item) -> Vec<usize> {
+    match item {
+        Item::Placed(place) => touched_by(&description.placed[place]),
+        Item::Change(place) => {
+            let source = description.changes[place].source;
+            bench.problem.model.block_of_source(source).into_iter().collect()
+        }
+    }
+}
+
+/// A description without an item, fitted.
+pub fn without(bench: &Bench<'_>, description: &Description, item: Item) -> Option<Description> {
+    without_several(bench, description, &[item])
+}
+
+/// A description without some of its items, fitted.
+pub fn without_several(
+    bench: &Bench<'_>,
+    description: &Description,
+    several: &[Item],
+) -> Option<Description> {
+    let mut touched: Vec<usize> =
+        several.iter().flat_map(|&item| reached_by(bench, description, item)).collect();
+    touched.sort_unstable();
+    touched.dedup();
+    let stays = |item: Item| !several.contains(&item);
+    let mut less = description.clone();
+    less.placed = (description.placed.iter().enumerate())
+        .filter(|&(place, _)| stays(Item::Placed(place)))
+        .map(|(_, placed)| placed.clone())
+        .collect();
+    for place in (0..description.changes.len()).rev().filter(|&place| !stays(Item::Change(place))) {
+        let change = less.changes.remove(place);
+        // The record is whitened by a level, so that it stays.
+        if change.is_level() {
+            return None;
+        }
+        take_back(bench, &mut less, &change);
+    }
+    bench.fitted(&less, &touched)
+}
+
+/// Takes the parts of a change out of the noises; what the case states comes back.
+pub fn take_back(bench: &Bench<'_>, description: &mut Description, change: &Change) {
+    let source = &bench.problem.model.sources[change.source];
+    let mut noise = source.nominal.clone();
+    let stays = description.changes.iter().filter(|other| other.source == change.source);
+    let nuisances = description.nuisances.iter().filter(|(source, _)| *source == change.source);
+    let current = description.noises[change.source].clone();
+    let kept: Vec<Knob> = (stays.flat_map(|other| other.knobs.iter().copied()))
+        .chain(nuisances.map(|(_, knob)| *knob))
+        .collect();
+    // Parts stand in the order in which they came, so that those behind one that goes move up.
+    let (mut markov, mut cosine) = (Vec::new(), Vec::new());
+    for &knob in &kept {
+        match knob {
+            Knob::MarkovSigma(part) if part >= noise.markov.len() => markov.push(part),
+            Knob::CosineSigma(part) if part >= noise.exp_cos.len() => cosine.push(part),
+            Knob::MarkovSigma(_)
+            | Knob::MarkovTau(_)
+            | Knob::CosineSigma(_)
+            | Knob::CosineAlpha(_)
+            | Knob::CosineBeta(_) => {}
+            _ => noise.adopt(&current, &[knob]),
+        }
+    }
+    for &knob in &kept {
+        if noise.has_shape(knob) && noise.get(knob) > 0.0 && current.get(knob) > 0.0 {
+            noise.set(knob, current.get(knob));
+        }
+    }
+    let (own_markov, own_cosine) = (noise.markov.len(), noise.exp_cos.len());
+    noise.markov.extend(markov.iter().filter_map(|&part| current.markov.get(part).copied()));
+    noise.exp_cos.extend(cosine.iter().filter_map(|&part| current.exp_cos.get(part).copied()));
+    let moved = |knob: Knob| {
+        let at = |parts: &[usize], own: usize, part: usize| {
+            parts.iter().position(|&it| it == part).map_or(part, |place| own + place)
+        };
+        match knob {
+            Knob::MarkovSigma(part) => Knob::MarkovSigma(at(&markov, own_markov, part)),
+            Knob::MarkovTau(part) => Knob::MarkovTau(at(&markov, own_markov, part)),
+            Knob::CosineSigma(part) => Knob::CosineSigma(at(&cosine, own_cosine, part)),
+            Knob::CosineAlpha(part) => Knob::CosineAlpha(at(&cosine, own_cosine, part)),
+            Knob::CosineBeta(part) => Knob::CosineBeta(at(&cosine, own_cosine, part)),
+            other => other,
+        }
+    };
+    for other in description.changes.iter_mut().filter(|other| other.source == change.source) {
+        other.knobs = other.knobs.iter().map(|&knob| moved(knob)).collect();
+    }
+    for (source, knob) in &mut description.nuisances {
+        if *source == change.source {
+            *knob = moved(*knob);
+        }
+    }
+    description.noises[change.source] = noise;
+}
+
+/// The blocks that an effect reaches.
+pub fn touched_by(placed: &Placed) -> Vec<usize> {
+    let mut blocks: Vec<usize> =
+        placed.regressors.iter().flat_map(|it| &it.parts).map(|part| part.block).collect();
+    blocks.sort_unstable();
+    blocks.dedup();
+    blocks
+}
+
+/// The best of the descriptions that have one item more in some of the blocks, fitted; `best` is the evidence of the best that is known.
+pub fn with_one_more(
+    bench: &Bench<'_>,
+    library: &[Shelf],
+    known: &Known,
+    description: &Description,
+    among: &[usize],
+    best: f64,
+) -> Vec<Description> {
+    let behind = best - description.ln_evidence;
+    let with_effect = |(candidate, placed): &(usize, Placed)| {
+        let touched = touched_by(placed);
+        known.if_worth(bench, description, &touched, *candidate, || {
+            let mut more = description.clone();
+            more.placed.push(placed.clone());
+            bench.fitted(&more, &touched)
+        })
+    };
+    let effects = effects(bench, library, known, description, among, behind);
+    let mut all: Vec<Description> = effects.par_iter().filter_map(with_effect).collect();
+    all.extend(with_pairs(bench, library, known, description, among, behind));
+    let with_noise = |promised: &Promised| {
+        let Promised { change, noises, block, .. } = promised;
+        known.if_worth(bench, description, &[*block], change.candidate, || {
+            let mut more = description.clone();
+            more.noises.clone_from(noises);
+            more.changes.push(change.clone());
+            bench.fitted(&more, &[*block])
+        })
+    };
+    let mut promised = other_noises(bench, known, description, among);
+    promised.retain(|promised| promised.ln_gain > behind - bench.problem.config.within_reach);
+    all.extend(promised.par_iter().filter_map(with_noise).collect::<Vec<_>>());
+    all
+}
+
+/// The effects that promise most, by full trust in the noise and by that of the description.
+fn effects(
+    bench: &Bench<'_>,
+    library: &[Shelf],
+    known: &Known,
+    description: &Description,
+    among: &[usize],
+    behind: f64,
+) -> Vec<(usize, Placed)> {
+    let config = bench.problem.config;
+    let is_grid =
+        |offer: &Offer| matches!(bench.problem.candidates[offer.candidate].search, Search::Grid { .. });
+    let best = |mut offers: Vec<Offer>| {
+        let is_promising = |offer: &Offer| {
+            offer.ln_gain - bench.problem.ln_prior[offer.candidate] > config.least_promised
+                && offer.ln_gain > behind - config.within_reach
+        };
+        offers.retain(is_promising);
+        offers.sort_by(|a, b| b.ln_gain.total_cmp(&a.ln_gain).then(a.candidate.cmp(&b.candidate)));
+        offers.truncate(config.fitted_moves);
+        offers.retain(|offer| !known.is_hopeless(bench, description, &offer.blocks, offer.candidate));
+        offers
+    };
+    let is_robust = description.blocks.iter().flatten().any(|fit| fit.nu.is_finite());
+    let mut ways = vec![Beside::trusting(bench, description)];
+    if is_robust {
+        ways.push(Beside::as_trusted(bench, description));
+    }
+    let mut effects: Vec<(usize, Placed)> = Vec::new();
+    for beside in ways.iter().flatten() {
+        // A grid may miss the best by much, so that its offers are compared with each other.
+        let (grids, linear): (Vec<Offer>, Vec<Offer>) =
+            offers(beside, library, among).into_iter().partition(is_grid);
+        let chosen: Vec<Offer> = [best(linear), best(grids), best(scans(beside, among))].concat();
+        let more: Vec<(usize, Placed)> =
+            chosen.par_iter().filter_map(|offer| Some((offer.candidate, placed(beside, offer)?))).collect();
+        for (candidate, placed) in more {
+            let is_known = effects
+                .iter()
+                .any(|(known, other)| *known == candidate && other.term.nonlinear == placed.term.nonlinear);
+            if !is_known {
+                effects.push((candidate, placed));
+            }
+        }
+    }
+    effects
+}
+
+/// What makes descriptions the same but for the values of their parameters.
+pub fn structure(description: &Description) -> Vec<(usize, Vec<String>)> {
+    let placed = description.placed.iter().map(|placed| (placed.term.candidate, Vec::new()));
+    let changes = description
+        .changes
+        .iter()
+        .map(|change| (change.candidate, change.knobs.iter().map(|knob| format!("{knob:?}")).collect()));
+    let mut all: Vec<(usize, Vec<String>)> = placed.chain(changes).collect();
+    all.sort();
+    all
+}
+
+/// A description with nothing in it but the constants, fitted.
+pub fn nothing(bench: &Bench<'_>, noises: &[Noise], nuisances: &[(usize, Knob)]) -> Option<Description> {
+    let blocks = bench.sums.len();
+    let description = Description {
+        placed: Vec::new(),
+        changes: Vec::new(),
+        noises: noises.to_vec(),
+        nuisances: nuisances.to_vec(),
+        blocks: vec![None; blocks],
+        weights: vec![None; blocks],
+        amplitudes: nalgebra::DVector::zeros(0),
+        ln_evidence: f64::NEG_INFINITY,
+    };
+    bench.fitted_whole(&description)
+}

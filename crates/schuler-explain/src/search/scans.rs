@@ -1,0 +1,282 @@
+//! Steps and ramps at every row, and lines at every frequency, beside what is described.
+use std::borrow::Cow;
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::beside::Beside;
+use super::library::Offer;
+use crate::bands::scan::{interpolated, lines, ramps, steps};
+use crate::bands::sums::Sums;
+use crate::catalogue::{Candidate, Column, OnsetShape, Port, Search};
+use crate::description::sensors_of;
+use crate::evidence::amplitude::ln_gain;
+use crate::evidence::regressor::Regressor;
+use crate::evidence::system::add;
+use crate::noise::trust::ln_mean;
+use crate::nominal::Block;
+use crate::onset_energy::{SHAPES, Shapes, onset_energies};
+
+/// Part of a shape's information that must be left beside what is described: less is lost in the interpolation.
+const LEAST_LEFT: f64 = 0.02;
+/// Best places of a shape that are offered.
+const OFFERED: usize = 2;
+/// Frequencies at the upper end where cosine and sine are not told apart.
+const NYQUIST_BINS: usize = 4;
+
+/// Scores of the unit impulses of what is left of a block and of what is described there.
+struct Impulses {
+    left: Vec<f64>,
+    described: Vec<Vec<f64>>,
+    /// Places of the latter among the free amplitudes.
+    free: Vec<usize>,
+}
+
+/// What a step, a ramp or a line of each source of some of the blocks would add to a description.
+pub fn scans(beside: &Beside<'_>, among: &[usize]) -> Vec<Offer> {
+    let problem = beside.bench.problem;
+    let of_block = |&index: &usize| -> Vec<Offer> {
+        let (Some(sums), block) = (&beside.bench.sums[index], &problem.model.blocks[index]) else {
+            return Vec::new();
+        };
+        let impulses = impulses(beside, index, sums);
+        let of = |(number, candidate): (usize, &Candidate)| {
+            let sensor = sensors_of(candidate).first().copied().filter(|it| block.sensors.contains(it))?;
+            let source =
+                Source { beside, block, sums, index, impulses: &impulses, sensor, port: candidate.port };
+            match candidate.search {
+                Search::Onset(shape) => Some(source.onsets(number, shape)),
+                Search::Frequency => Some(source.lines(number)),
+                _ => None,
+            }
+        };
+        problem.candidates.par_iter().enumerate().filter_map(of).flatten().collect()
+    };
+    among.iter().flat_map(of_block).collect()
+}
+
+fn impulses(beside: &Beside<'_>, index: usize, sums: &Sums) -> Impulses {
+    let (system, described) = (beside.system(), beside.described());
+    let weighted = |channels: &[Vec<f64>]| -> Vec<f64> {
+        let Some(weights) = &beside.weights[index] else { return Vec::new() };
+        let mut all = vec![vec![0.0; sums.rows()]; channels.len()];
+        for (band, edge) in sums.layout.edges.windows(2).enumerate() {
+            let weight = &weights.of_channels[band];
+            for (c, to) in all.iter_mut().enumerate() {
+                for (d, from) in channels.iter().enumerate() {
+                    let weight = weight[(c, d)];
+                    let pairs = to[edge[0]..edge[1]].iter_mut().zip(&from[edge[0]..edge[1]]);
+                    pairs.for_each(|(sum, value)| *sum += weight * value);
+                }
+            }
+        }
+        sums.impulses(&all).concat()
+    };
+    let left = weighted(&system.left(index, &described, &beside.solved.amplitudes));
+    let here: Vec<(usize, &Regressor)> = (beside.solved.free.iter().enumerate())
+        .map(|(place, &number)| (place, described.regressors[number]))
+        .filter(|(_, regressor)| regressor.reaches(index))
+        .collect();
+    let of = |(_, regressor): &(usize, &Regressor)| {
+        let mut channels = vec![vec![0.0; sums.rows()]; sums.width()];
+        add(sums, index, regressor, 1.0, &mut channels);
+        weighted(&channels)
+    };
+    Impulses {
+        left,
+        described: here.par_iter().map(of).collect(),
+        free: here.iter().map(|(place, _)| *place).collect(),
+    }
+}
+
+/// A source whose shapes are scanned.
+struct Source<'s> {
+    beside: &'s Beside<'s>,
+    block: &'s Block,
+    sums: &'s Sums,
+    index: usize,
+    impulses: &'s Impulses,
+    sensor: usize,
+    port: Port,
+}
+
+impl Source<'_> {
+    fn place(&self) -> usize {
+        let own = || self.block.sensors.iter().position(|&sensor| sensor == self.sensor);
+        if self.block.is_redundant() { own().unwrap_or_default() } else { 0 }
+    }
+
+    /// Scores of the unit impulses of the source.
+    fn through(&self, channels: &[f64]) -> Vec<f64> {
+        self.block.back_project(channels, self.sensor, self.port).unwrap_or_default()
+    }
+
+    /// Rows where a shape may begin: with enough of those present on either side.
+    fn rows(&self) -> Vec<usize> {
+        let least = self.beside.bench.problem.config.least_segment;
+        let present: Vec<usize> = (0..self.block.rows()).filter(|&row| self.block.present[row]).collect();
+        let last = present.len().saturating_sub(least);
+        present.get(least..last.max(least)).map(<[usize]>::to_vec).unwrap_or_default()
+    }
+
+    fn onsets(&self, candidate: usize, shape: OnsetShape) -> Vec<Offer> {
+        let config = self.beside.bench.problem.config;
+        let scan = if shape == OnsetShape::Step { steps } else { ramps };
+        let scores = scan(&self.through(&self.impulses.left));
+        let with: Vec<Vec<f64>> =
+            self.impulses.described.iter().map(|channels| scan(&self.through(channels))).collect();
+        let rows = self.rows();
+        let Some(energies) = self.energies(shape, &rows) else { return Vec::new() };
+        let free = self.beside.solved.free.len();
+        // With M⁻¹ of the described in rows, the information taken by them is a square.
+        let inverse = self.inverse_of_described(free);
+        let gain = |&row: &usize| {
+            let of: DVector<f64> = DVector::from_iterator(with.len(), with.iter().map(|scores| scores[row]));
+            let whole = energies[row];
+            let left = whole - (&inverse * &of).dot(&of);
+            if left > LEAST_LEFT * whole && whole > 0.0 {
+                ln_gain(scores[row] * scores[row] / left, 1, config)
+            } else {
+                f64::NEG_INFINITY
+            }
+        };
+        let gains: Vec<f64> = rows.iter().map(gain).collect();
+        let time_s = self.beside.bench.problem.time_s();
+        self.offered(candidate, &gains, |place| time_s[rows[place]])
+    }
+
+    fn inverse_of_described(&self, free: usize) -> DMatrix<f64> {
+        let own = &self.impulses.free;
+        let column = |&place: &usize| {
+            let unit = DVector::from_fn(free, |i, _| f64::from(u8::from(i == place)));
+            let solved = self.beside.solved.root.solve(&unit);
+            DVector::from_iterator(own.len(), own.iter().map(|&row| solved[row]))
+        };
+        let columns: Vec<DVector<f64>> = own.iter().map(column).collect();
+        if columns.is_empty() { DMatrix::zeros(0, 0) } else { DMatrix::from_columns(&columns) }
+    }
+
+    /// Information of a shape that begins at each row: that under full trust by one pass, times what the weights make of it at
+    /// some rows and between them.
+    fn energies(&self, shape: OnsetShape, rows: &[usize]) -> Option<Vec<f64>> {
+        let number = usize::from(shape == OnsetShape::Ramp);
+        let shapes = self.block.begins(self.sensor, self.port)?;
+        let shapes = Shapes { weights: vec![1.0], ..shapes };
+        let mut energies: [Vec<f64>; SHAPES] = onset_energies(&self.sums.filter, &[shapes]).pop()?;
+        let plain = std::mem::take(&mut energies[number]);
+        let config = self.beside.bench.problem.config;
+        let time_s = self.beside.bench.problem.time_s();
+        let knots = knots(rows, config.onset_knots);
+        let columns: Vec<Column> = (knots.iter())
+            .map(|&at| {
+                let value = |row: usize| match shape {
+                    OnsetShape::Step => f64::from(u8::from(row >= at)),
+                    OnsetShape::Ramp => row.saturating_sub(at) as f64,
+                };
+                Column::on(self.sensor, (0..time_s.len()).map(value).collect::<Vec<f64>>())
+            })
+            .collect();
+        let projected: Vec<Cow<'_, [f64]>> = (columns.iter())
+            .map(|column| {
+                if self.block.is_redundant() {
+                    Some(Cow::from(&*column.parts[0].1))
+                } else {
+                    self.block.project(column, self.port)
+                }
+            })
+            .collect::<Option<_>>()?;
+        let values: Vec<&[f64]> = projected.iter().map(|values| &**values).collect();
+        let weights = self.beside.weights[self.index].as_ref()?;
+        let place = self.place();
+        let ratios: Vec<(usize, f64)> = (self.sums.insert(&values).into_iter().zip(&knots))
+            .filter_map(|(series, &row)| {
+                let products = self.sums.products(series?, series?);
+                let (mut weighted, mut whole) = (0.0, 0.0);
+                for (product, weight) in products.iter().zip(&weights.of_places) {
+                    weighted += product * weight[(place, place)];
+                    whole += product;
+                }
+                (whole > 0.0).then(|| (row, weighted / whole))
+            })
+            .collect();
+        Some(plain.iter().enumerate().map(|(row, energy)| energy * interpolated(&ratios, row)).collect())
+    }
+
+    fn lines(&self, candidate: usize) -> Vec<Offer> {
+        let config = self.beside.bench.problem.config;
+        let scores = lines(&self.through(&self.impulses.left));
+        let rows = self.sums.rows();
+        let step_s = self.block.step_s();
+        let lowest = std::f64::consts::TAU * config.least_periods / self.block.rows() as f64;
+        let first = (lowest / scores.step).ceil() as usize;
+        let last = scores.scores.len().saturating_sub(NYQUIST_BINS);
+        let Some(weights) = &self.beside.weights[self.index] else { return Vec::new() };
+        let place = self.place();
+        let port = [Port::Output, Port::Accelerometer, Port::Gyro].iter().position(|it| *it == self.port);
+        let informations: Vec<f64> =
+            (self.sums.layout.omega.iter().zip(&self.sums.base).zip(&weights.of_places))
+                .map(|((&omega, base), weight)| {
+                    let through = if self.block.is_redundant() {
+                        1.0
+                    } else {
+                        let transfer = self.block.transfer(port.unwrap_or_default(), omega);
+                        transfer.iter().map(nalgebra::Complex::norm_sqr).sum()
+                    };
+                    0.5 * rows as f64 * weight[(place, place)] / base * through
+                })
+                .collect();
+        let bands = &self.sums.layout.edges;
+        let gain = |bin: usize| {
+            let coefficient = (scores.step * bin as f64 / std::f64::consts::PI * rows as f64) as usize;
+            let band = bands.partition_point(|edge| *edge <= coefficient).saturating_sub(1);
+            let information = informations[band.min(informations.len() - 1)];
+            ln_gain(scores.scores[bin].norm_sqr() / information, 2, config)
+        };
+        let bins: Vec<usize> = (first..last).collect();
+        let gains: Vec<f64> = bins.iter().map(|&bin| gain(bin)).collect();
+        self.offered(candidate, &gains, |place| {
+            scores.step * bins[place] as f64 / (std::f64::consts::TAU * step_s)
+        })
+    }
+
+    /// The best places of a shape, apart from each other.
+    fn offered(&self, candidate: usize, gains: &[f64], value: impl Fn(usize) -> f64) -> Vec<Offer> {
+        let problem = self.beside.bench.problem;
+        let mean = ln_mean(gains.iter().copied());
+        if !mean.is_finite() {
+            return Vec::new();
+        }
+        let is_peak = |&place: &usize| {
+            let from = place.saturating_sub(1);
+            gains[from..(place + 2).min(gains.len())].iter().all(|other| *other <= gains[place])
+        };
+        let mut peaks: Vec<usize> = (0..gains.len()).filter(is_peak).collect();
+        peaks.sort_by(|&a, &b| gains[b].total_cmp(&gains[a]));
+        (peaks.into_iter().take(OFFERED))
+            .map(|place| Offer {
+                candidate,
+                ln_gain: mean + problem.ln_prior[candidate] - (gains[peaks_best(gains)] - gains[place]),
+                blocks: vec![self.index],
+                point: vec![value(place)],
+                ln_spread: mean - gains[peaks_best(gains)],
+            })
+            .collect()
+    }
+}
+
+fn peaks_best(gains: &[f64]) -> usize {
+    (0..gains.len()).max_by(|&a, &b| gains[a].total_cmp(&gains[b])).unwrap_or_default()
+}
+
+/// Rows among `rows`, closer to each other near the ends.
+fn knots(rows: &[usize], count: usize) -> Vec<usize> {
+    let last = rows.len().saturating_sub(1) as f64;
+    let at = |k: usize| {
+        let part = (k as f64 + 0.5) / count as f64;
+        let place = 0.5 * (1.0 - (std::f64::consts::PI * part).cos());
+        rows.get((place * last).round() as usize).copied()
+    };
+    let mut knots: Vec<usize> = (0..count).filter_map(at).collect();
+    knots.dedup();
+    knots
+}
