@@ -20,9 +20,9 @@ use schuler_recording::Recording;
 
 use crate::inputs::redundant::{RANK_TOLERANCE, axis_of};
 use crate::inputs::series::{bridged, mean};
-use crate::minimise::simplex;
 use crate::noise::{Knob, Noise};
 use crate::nominal::{Block, Model, of_input};
+use crate::numeric::minimise::simplex;
 
 /// First frequency that the taper keeps apart from the mean.
 const FIRST: usize = 3;

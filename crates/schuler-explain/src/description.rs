@@ -6,10 +6,10 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::catalogue::{Candidate, Column, OnsetShape, Port, Search};
 use crate::inputs::series::{Series, delayed_closely, waves};
-use crate::least_squares::{Solution, dot, solve};
 use crate::noise::Noise;
 use crate::nominal::{Block, Model};
-use crate::whiten::Filter;
+use crate::numeric::least_squares::{Solution, dot, solve};
+use crate::whitening::filter::Filter;
 
 /// A deterministic term: a candidate with its non-linear parameters at given values.
 #[derive(Clone, Debug)]

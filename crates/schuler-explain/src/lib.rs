@@ -4,13 +4,15 @@
 //! | --- | --- |
 //! | [`inputs`] | what is recorded and what follows from it |
 //! | `problem` | the recording against its nominal model, and what may have been left out: [`catalogue`] |
+//! | [`faults`] | readings that are stuck, clipped, coarse or spiked |
+//! | `whitening` | the state-space filter that whitens residuals and signatures |
 //! | `bands` | the whitened record as sums of products over bands |
 //! | [`noise`] | spectra of the noise, how far they are believed, their fit |
 //! | `evidence` | the one number of a description |
 //! | `search` | from description to description |
 //! | `exact` | the few that stand, over all rows |
 //! | `answer` | from the best of them to an [`explanation`] |
-//! | [`deploy`] | what was found as a compensation |
+//! | [`export`] | what was found as a compensation |
 //!
 //! [`config::Config`] holds every number that decides.
 //!
@@ -63,28 +65,21 @@ pub mod calibration;
 pub mod catalogue;
 mod common_motion;
 pub mod config;
-mod course;
-pub mod deploy;
 mod description;
 pub mod diagnostics;
 mod evidence;
 mod exact;
 pub mod explain;
 pub mod explanation;
+pub mod export;
+pub mod faults;
 pub mod inputs;
-mod laid_out;
-pub mod least_squares;
-pub mod minimise;
 pub mod noise;
 pub mod nominal;
-mod onset_energy;
+pub mod numeric;
 mod problem;
 pub mod radio_identification;
-pub mod readings;
 mod search;
 pub mod sentence;
-mod spline;
-pub mod statistics;
 pub mod watch;
-mod whiten;
-mod within_step;
+mod whitening;

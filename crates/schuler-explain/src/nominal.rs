@@ -19,16 +19,16 @@ use schuler_recording::motion::{Prediction, Unpredictable, is_resolved_over_eart
 use schuler_recording::recording::SensorSeries;
 use schuler_recording::unit::{Dimension, Unit};
 
+use crate::bands::onset_energy::{self, Shapes};
 use crate::catalogue::{Column, Port};
 use crate::common_motion::CommonMotion;
 use crate::inputs::Loudness;
 use crate::inputs::redundant::is_checked;
 use crate::inputs::series::Series;
 use crate::noise::{Group, Noise, RowsOfLevel};
-use crate::onset_energy::{self, Shapes};
-use crate::statistics::median;
-use crate::whiten::{Filter, Space};
-use crate::within_step::over_step;
+use crate::numeric::statistics::median;
+use crate::numeric::within_step::over_step;
+use crate::whitening::filter::{Filter, Space};
 
 /// Standard deviations of the loop's velocity error, m/s, and vertical error, rad, at the start.
 const LOOP_START: [f64; 2] = [0.1, 1e-4];
@@ -248,11 +248,6 @@ impl Model {
             self.source_of(sensor, Port::Output).map_or(0.0, |source| self.sources[source].nominal.white);
         let by_differences = || self.block_of(sensor).map(|block| self.blocks[block].white_by_differences());
         if stated > 0.0 { stated } else { by_differences().unwrap_or_default() }
-    }
-
-    /// What the readings of a block tell beside its residuals, if they are redundant.
-    pub fn common_motion_of(&self, block: usize) -> Option<&CommonMotion> {
-        self.common_motions.iter().find(|common| common.sources == self.blocks[block].sources)
     }
 
     /// Noise of every source as the user believes.
@@ -670,12 +665,6 @@ impl Block {
     /// Whether its one channel is what a sensor reads less what it should.
     pub fn is_of_one_sensor(&self) -> bool {
         matches!(self.geometry, Geometry::Direct)
-    }
-
-    /// Whether a column at a port reaches the channels.
-    pub fn is_reached(&self, column: &Column, port: Port) -> bool {
-        let possible = port == Port::Output || !matches!(self.geometry, Geometry::Direct);
-        possible && column.parts.iter().any(|(sensor, _)| self.sensors.contains(sensor))
     }
 
     fn projected<'v>(&self, column: &'v Column, port: Port) -> Option<Cow<'v, [f64]>> {

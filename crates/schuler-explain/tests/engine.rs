@@ -13,9 +13,9 @@ use schuler_explain::catalogue::{
 use schuler_explain::config::Config;
 use schuler_explain::explain::{Error, explain, explain_with};
 use schuler_explain::explanation::{Explanation, Finding, Verdict};
+use schuler_explain::faults::faults;
 use schuler_explain::inputs::Inputs;
 use schuler_explain::nominal::Model;
-use schuler_explain::readings::faults;
 use schuler_recording::Recording;
 use schuler_recording::case::{
     Auxiliary, Markov, MotionKind, Nominal, Quantity, SchulerLoop, SensorKind, TemperatureBias,
@@ -1616,7 +1616,7 @@ fn what_turns_back_in_a_gap_is_no_spike() {
         let mut recording = common::recording(MotionKind::VelocityError, vec![velocity]);
         recording.case.schuler_loop = Some(of_loop);
         let model = Model::new(&recording, &[]).unwrap();
-        let of = |fault: schuler_explain::readings::Fault| (fault.fault, fault.rows.0);
+        let of = |fault: schuler_explain::faults::Fault| (fault.fault, fault.rows.0);
         faults(&recording, &model).found.into_iter().map(of).collect::<Vec<_>>()
     };
     // From 7 rows before a turn to 6 rows after it.

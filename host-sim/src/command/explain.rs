@@ -3,10 +3,10 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use schuler_explain::config::Config;
-use schuler_explain::deploy::{Deployed, Deployment, Stations, deploy};
 use schuler_explain::diagnostics::evidence;
 use schuler_explain::explain::{self as engine, explain_watched};
 use schuler_explain::explanation::Explanation;
+use schuler_explain::export::{Deployed, Deployment, Stations, deploy};
 use schuler_link::block;
 use schuler_recording::{CaseFile, Error, Problem, Recording};
 use serde::Serialize;

@@ -2,7 +2,7 @@
 //!
 //! R_j = (1/n_j) Σ (x_i − m)(x_{i−j} − m) over the n_j pairs in which both values are there [FIL-11]: the unbiased
 //! estimator, 1/(N − j) where nothing is missing.
-use schuler_explain::statistics::{lagged_pairs, lagged_products};
+use schuler_explain::numeric::statistics::{lagged_pairs, lagged_products};
 
 use super::series::about_mean;
 

@@ -6,11 +6,11 @@ use crate::description::{Term, nonlinear_names};
 use crate::evidence::fit::{Bench, Change, Description};
 use crate::exact::OverRows;
 use crate::explanation::{Evidence, Finding, Member, Parameter, Remainder};
+use crate::faults::{Fault, OFF_LATTICE};
 use crate::noise::RowsOfLevel;
 use crate::nominal::Model;
 use crate::problem::Problem;
 use crate::problem::prepared::Prepared;
-use crate::readings::{Fault, OFF_LATTICE};
 use crate::search::moves::{Item, candidate_of};
 use crate::sentence::sentence;
 

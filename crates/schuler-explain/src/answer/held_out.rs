@@ -12,9 +12,9 @@ use crate::exact::OverRows;
 use crate::explanation::{BeforeAfter, Fit, Goodness};
 use crate::noise::Noise;
 use crate::nominal::{Block, Model};
+use crate::numeric::statistics::ljung_box;
 use crate::search::library::whitened_again;
-use crate::statistics::ljung_box;
-use crate::whiten::Filter;
+use crate::whitening::filter::Filter;
 
 /// Blocks of time, and which of each three is held out.
 const BLOCKS: usize = 10;

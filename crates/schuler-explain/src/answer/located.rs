@@ -14,7 +14,7 @@ use crate::exact::{BlockRows, OverRows};
 use crate::explanation::{Located, Remainder};
 use crate::noise::weights::Covariances;
 use crate::nominal::Block;
-use crate::statistics::{chi_squared_tail, ljung_box};
+use crate::numeric::statistics::{chi_squared_tail, ljung_box};
 
 /// p-value, corrected, below which a difference is reported.
 const REPORTED: f64 = 0.01;

@@ -4,7 +4,7 @@
 use super::parameters::{Profile, bounds, without_effect};
 use crate::catalogue::{OnsetShape, Search};
 use crate::evidence::fit::{Bench, Description, Placed};
-use crate::minimise::golden;
+use crate::numeric::minimise::golden;
 use crate::search::beside::Beside;
 use crate::search::library::{Offer, placed};
 use crate::search::moves::touched_by;

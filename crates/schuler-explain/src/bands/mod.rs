@@ -4,7 +4,9 @@
 //! | --- | --- |
 //! | [`layout`] | the bands, and the cosine transform (DCT-II) of the rows that are present |
 //! | [`sums`] | products of channels and series by band, each computed when it is asked for |
+//! | [`onset_energy`] | the energy of a step and a ramp at every row, under the filter |
 //! | [`scan`] | scores of a step and a ramp at every row, and of a line at every frequency |
 pub mod layout;
+pub mod onset_energy;
 pub mod scan;
 pub mod sums;

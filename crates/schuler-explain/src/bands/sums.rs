@@ -12,7 +12,7 @@ use super::layout::Layout;
 use crate::config::Config;
 use crate::noise::Noise;
 use crate::nominal::Block;
-use crate::whiten::{Filter, Space};
+use crate::whitening::filter::{Filter, Space};
 
 /// Energy of the coefficients that are left away at the end of a series, of all, at most.
 const LEFT_AWAY: f64 = 1e-9;

@@ -5,7 +5,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::experiment::{CalibrationError, FeatureSet, invalid};
-use crate::spline::{Knot, Spline};
+use crate::numeric::spline::{Knot, Spline};
 
 /// Temperature at the sensors at one instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]

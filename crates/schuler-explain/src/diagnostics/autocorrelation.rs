@@ -1,7 +1,7 @@
 //! Autocorrelation of standardised innovations, with the band in which white noise would lie.
 //!
 //! r_j = R_j/R_0 about zero, R_j the mean over the pairs that are there. White noise lies within ±1.96/√n_j 95 % of the time (Box & Jenkins, Bartlett's formula).
-use crate::statistics::{lagged_pairs, lagged_products};
+use crate::numeric::statistics::{lagged_pairs, lagged_products};
 
 /// Two-sided 95 % of the normal distribution.
 const TWO_SIDED_95: f64 = 1.959_963_984_540_054;

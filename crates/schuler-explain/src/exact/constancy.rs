@@ -11,8 +11,8 @@ use nalgebra::{DMatrix, DVector};
 use super::{OverRows, less_effects};
 use crate::evidence::fit::Change;
 use crate::noise::Noise;
-use crate::statistics::chi_squared_tail;
-use crate::whiten::Filter;
+use crate::numeric::statistics::chi_squared_tail;
+use crate::whitening::filter::Filter;
 
 /// Fewest rows of which something is said.
 const FEWEST_ROWS: usize = 100;

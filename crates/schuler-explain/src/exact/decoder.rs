@@ -10,7 +10,7 @@
 use rayon::prelude::*;
 use schuler_recording::case::Markov;
 
-use crate::whiten::Filter;
+use crate::whitening::filter::Filter;
 
 /// Parts of the time on that are tried.
 const PARTS_ON: [f64; 2] = [0.1, 0.3];

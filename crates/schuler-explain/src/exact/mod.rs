@@ -10,7 +10,7 @@ use crate::catalogue::Port;
 use crate::evidence::fit::{Bench, Description, Placed};
 use crate::evidence::late::late_columns;
 use crate::nominal::{Block, Model};
-use crate::whiten::Filter;
+use crate::whitening::filter::Filter;
 
 /// A description over all rows.
 pub struct OverRows<'r> {

@@ -8,7 +8,7 @@ use super::decoder::{Decoded, Decoder, RATES, stays};
 use crate::catalogue::{Column, Port};
 use crate::description::Term;
 use crate::inputs::series::Series;
-use crate::statistics::median;
+use crate::numeric::statistics::median;
 
 /// Rows before and after a switching by which it is seen how loud it is there.
 const AROUND: usize = 16;

@@ -13,7 +13,7 @@ use schuler_recording::case::{Grade, SensorKind};
 use schuler_recording::recording::SensorSeries;
 use schuler_recording::unit::{Dimension, STANDARD_GRAVITY};
 
-use crate::statistics::median;
+use crate::numeric::statistics::median;
 
 /// 1 °/√h, rad/√s.
 const DEGREE_PER_ROOT_HOUR: f64 = PI / 180.0 / 60.0;

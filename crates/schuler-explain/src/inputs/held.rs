@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use schuler_recording::Recording;
 use schuler_recording::recording::MotionSeries;
 
-use crate::spline::{Knot, Spline};
+use crate::numeric::spline::{Knot, Spline};
 
 /// Readings that a held reference has at least.
 const FEWEST_READINGS: usize = 20;

@@ -37,7 +37,7 @@ pub use thermometer::Thermometer;
 
 use crate::catalogue::Port;
 use crate::nominal;
-use crate::statistics::median;
+use crate::numeric::statistics::median;
 use motion::{Vectors, along};
 use series::{bridged, map, mean, range};
 

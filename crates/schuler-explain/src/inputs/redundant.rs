@@ -24,9 +24,9 @@ use super::smoother::{Measurement, process_noise, smooth};
 use crate::catalogue::Port;
 use crate::common_motion::CommonMotion;
 use crate::description::{left_of, project};
+use crate::faults::faults;
 use crate::noise::Noise;
 use crate::nominal::{Block, Model};
-use crate::readings::faults;
 
 /// Singular values below this part of the largest are 0.
 pub const RANK_TOLERANCE: f64 = 1e-6;

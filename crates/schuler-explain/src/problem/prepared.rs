@@ -11,13 +11,13 @@ use crate::catalogue::{Candidate, Port, ReadingFault, Search};
 use crate::config::Config;
 use crate::description::{log_likelihood, project, sensors_of};
 use crate::explain::Error;
+use crate::faults::{FEWEST_PILED, Fault, Faults, LEAST_STEP, faults, lattice};
 use crate::inputs::Inputs;
 use crate::inputs::held::without_held_reference;
-use crate::minimise::golden;
 use crate::noise::fit::SourceKnob;
 use crate::noise::{Knob, Noise};
 use crate::nominal::{FEWEST_ROWS, Model};
-use crate::readings::{FEWEST_PILED, Fault, Faults, LEAST_STEP, faults, lattice};
+use crate::numeric::minimise::golden;
 
 /// Shift of a mean by rounding, in steps, up to which the noise carries the readings over the steps.
 const UNCARRIED: f64 = 0.05;

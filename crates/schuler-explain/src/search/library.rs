@@ -12,9 +12,9 @@ use crate::evidence::fit::{Bench, Description, Placed};
 use crate::evidence::late::{delays_of, late_columns};
 use crate::evidence::regressor::{Regressor, regressors};
 use crate::evidence::system::{Described, left_beside, root_of};
-use crate::minimise::golden;
 use crate::noise::fit::left_of;
 use crate::noise::trust::ln_mean;
+use crate::numeric::minimise::golden;
 use crate::problem::Problem;
 
 /// Steps at most by which the parameters of a grid are refined, and how often each is shortened.

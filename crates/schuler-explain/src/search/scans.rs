@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::beside::Beside;
 use super::library::Offer;
+use crate::bands::onset_energy::{SHAPES, Shapes, onset_energies};
 use crate::bands::scan::{interpolated, lines, ramps, steps};
 use crate::bands::sums::Sums;
 use crate::catalogue::{Candidate, Column, OnsetShape, Port, Search};
@@ -15,7 +16,6 @@ use crate::evidence::regressor::Regressor;
 use crate::evidence::system::add;
 use crate::noise::trust::ln_mean;
 use crate::nominal::Block;
-use crate::onset_energy::{SHAPES, Shapes, onset_energies};
 
 /// Part of a shape's information that must be left beside what is described: less is lost in the interpolation.
 const LEAST_LEFT: f64 = 0.02;

@@ -10,7 +10,7 @@ use std::collections::VecDeque;
 
 use nalgebra::DMatrix;
 
-use crate::whiten::Space;
+use crate::whitening::filter::Space;
 
 /// Error of a gain, as a part of its size, where it is interpolated at twice the distance; at the distance itself it is
 /// a sixteenth.
@@ -353,7 +353,7 @@ fn eliminate(a: &mut [f64], b: &mut [f64], n: usize) -> Option<()> {
 #[cfg(test)]
 pub mod tests {
     use crate::noise::{Flicker, Noise};
-    use crate::whiten::Filter;
+    use crate::whitening::filter::Filter;
     use schuler_recording::case::{ExponentialCosine, Markov};
 
     use super::*;

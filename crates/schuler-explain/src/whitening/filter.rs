@@ -13,8 +13,8 @@ use std::sync::{Arc, OnceLock};
 
 use nalgebra::DMatrix;
 
-use crate::course::{Course, course};
-use crate::laid_out::{Gains, LaidOut, RUN_ROWS, is_of_usual_size, lay_out, whiten_rows};
+use crate::whitening::course::{Course, course};
+use crate::whitening::laid_out::{Gains, LaidOut, RUN_ROWS, is_of_usual_size, lay_out, whiten_rows};
 
 /// Columns that run together where there are few, and where there are many.
 const FEW: usize = 4;
@@ -238,36 +238,39 @@ impl Filter {
     }
 
     /// Tᵀ of whitened innovations: with those of a record, q = R⁻¹y. 0 in rows that are missing.
+    ///
+    /// Runs backwards with the derivative of half their sum of squares by the state.
     pub fn adjoint(&self, whitened: &[f64]) -> Vec<f64> {
-        let rows = self.rows();
-        let mut scores = vec![0.0; self.channels * rows];
-        let mut costate = vec![0.0; self.states];
-        self.backwards(whitened, 0..rows, &mut costate, |row, innovation| {
-            for (c, innovation) in innovation.iter().enumerate() {
-                scores[c * rows + row] = *innovation;
+        let (rows, n, m) = (self.rows(), self.states, self.channels);
+        let stride = n * m + m * m;
+        let mut scores = vec![0.0; m * rows];
+        let [mut costate, mut turned] = [0, 1].map(|_| vec![0.0; n]);
+        let mut innovation = vec![0.0; m];
+        for row in (0..rows).rev() {
+            self.turn(&costate, &mut turned);
+            costate.copy_from_slice(&turned);
+            let index = self.index[row];
+            if index != MISSING {
+                let (gain, whitening) = self.gains[index as usize * stride..][..stride].split_at(n * m);
+                innovation.fill(0.0);
+                for (gain, turned) in gain.chunks_exact(m).zip(&turned) {
+                    innovation.iter_mut().zip(gain).for_each(|(sum, gain)| *sum += gain * turned);
+                }
+                for (d, weights) in whitening.chunks_exact(m).enumerate() {
+                    let value = whitened[d * rows + row];
+                    innovation.iter_mut().zip(weights).take(d + 1).for_each(|(sum, w)| *sum += w * value);
+                }
+                for (c, innovation) in innovation.iter().enumerate() {
+                    scores[c * rows + row] = *innovation;
+                    let seen = &self.seen[c * n..(c + 1) * n];
+                    costate.iter_mut().zip(seen).for_each(|(value, seen)| *value -= seen * innovation);
+                }
             }
-        });
-        scores
-    }
-
-    /// Takes the derivative of half the sum of squares of whitened innovations by the state from the end of some rows to
-    /// their beginning; `visit` is told what it is by the values of each row that is present.
-    pub fn backwards(
-        &self,
-        whitened: &[f64],
-        over: Range<usize>,
-        costate: &mut [f64],
-        visit: impl FnMut(usize, &[f64]),
-    ) {
-        match (self.channels, self.states) {
-            (1, 0 | 1) => backwards_few::<1>(self, whitened, over, costate, visit),
-            (1, 2) => backwards_few::<2>(self, whitened, over, costate, visit),
-            (1, 3) => backwards_few::<3>(self, whitened, over, costate, visit),
-            (1, 4) => backwards_few::<4>(self, whitened, over, costate, visit),
-            (1, 5 | 6) => backwards_few::<6>(self, whitened, over, costate, visit),
-            (1, 7 | 8) => backwards_few::<8>(self, whitened, over, costate, visit),
-            _ => backwards_many(self, whitened, over, costate, visit),
+            if row % FLUSH_ROWS == 0 {
+                flush(&mut costate);
+            }
         }
+        scores
     }
 
     /// What a state predicts for the channels.
@@ -337,11 +340,6 @@ impl Filter {
         over_missing(rows, state, |state, next| self.propagate(state, next));
     }
 
-    /// A costate, as of [`Self::backwards`], from behind rows that are missing to the first of them.
-    pub fn coast_back(&self, rows: usize, costate: &mut [f64]) {
-        over_missing(rows, costate, |costate, turned| self.turn(costate, turned));
-    }
-
     /// Φᵀ of a costate.
     fn turn(&self, costate: &[f64], turned: &mut [f64]) {
         turned.fill(0.0);
@@ -370,22 +368,6 @@ impl Filter {
     fn last_gain(&self) -> &[f64] {
         let stride = self.states * self.channels + self.channels * self.channels;
         &self.gains[self.gains.len() - stride..]
-    }
-
-    /// The filter of the settled gain for `rows` rows, none missing: for responses that do not depend on when.
-    #[must_use]
-    pub fn settled_filter(&self, rows: usize) -> Self {
-        Self {
-            states: self.states,
-            channels: self.channels,
-            transition: self.transition.clone(),
-            seen: self.seen.clone(),
-            gains: self.last_gain().to_vec(),
-            index: vec![0; rows],
-            log_variances: 0.0,
-            count: rows * self.channels,
-            parts: OnceLock::new(),
-        }
     }
 }
 
@@ -564,105 +546,6 @@ fn run_many<T: Rounded, const L: usize>(
     }
 }
 
-/// [`Filter::backwards`] of one channel and few states.
-fn backwards_few<const N: usize>(
-    filter: &Filter,
-    whitened: &[f64],
-    over: Range<usize>,
-    costate: &mut [f64],
-    mut visit: impl FnMut(usize, &[f64]),
-) {
-    let n = filter.states;
-    let transition = Transition::<N>::new(&filter.transition);
-    let seen: [f64; N] = std::array::from_fn(|i| filter.seen.get(i).copied().unwrap_or_default());
-    let mut state: [f64; N] = std::array::from_fn(|i| costate.get(i).copied().unwrap_or_default());
-    let gain_of = |index: u32| &filter.gains[index as usize * (n + 1)..][..=n];
-    let mut end = over.end;
-    for stretch in
-        filter.index[over].chunk_by(|a, b| a == b).flat_map(|stretch| stretch.chunks(FLUSH_ROWS)).rev()
-    {
-        let rows = end - stretch.len()..end;
-        end = rows.start;
-        let index = stretch[0];
-        if index != MISSING && N <= FEW_STATES && stretch.len() >= SETTLED_ROWS {
-            let gain = gain_of(index);
-            let Closed { of_state, of_input } = Closed::new(&transition, &seen, &gain[..n]);
-            for row in rows.rev() {
-                let own = gain[n] * whitened[row];
-                let mut before: [f64; N] = std::array::from_fn(|i| -seen[i] * own);
-                let mut terms = [0.0; N];
-                for i in 0..N {
-                    terms[i] = of_input[i] * state[i];
-                    for j in 0..N {
-                        before[j] += of_state[i][j] * state[i];
-                    }
-                }
-                visit(row, &[own + sum(terms)]);
-                state = before;
-            }
-            flush(&mut state);
-            continue;
-        }
-        for row in rows.rev() {
-            state = transition.turn(&state);
-            if index != MISSING {
-                let gain = gain_of(index);
-                let mut terms = [0.0; N];
-                for ((term, gain), state) in terms.iter_mut().zip(&gain[..n]).zip(&state) {
-                    *term = gain * state;
-                }
-                let innovation = gain[n] * whitened[row] + sum(terms);
-                visit(row, &[innovation]);
-                for i in 0..N {
-                    state[i] -= seen[i] * innovation;
-                }
-            }
-            if row % FLUSH_ROWS == 0 {
-                flush(&mut state);
-            }
-        }
-    }
-    costate.iter_mut().zip(state).for_each(|(costate, state)| *costate = state);
-}
-
-/// [`Filter::backwards`] of any size.
-fn backwards_many(
-    filter: &Filter,
-    whitened: &[f64],
-    over: Range<usize>,
-    costate: &mut [f64],
-    mut visit: impl FnMut(usize, &[f64]),
-) {
-    let (rows, n, m) = (filter.rows(), filter.states, filter.channels);
-    let stride = n * m + m * m;
-    let mut turned = vec![0.0; n];
-    let mut innovation = vec![0.0; m];
-    for row in over.rev() {
-        filter.turn(costate, &mut turned);
-        costate.copy_from_slice(&turned);
-        let index = filter.index[row];
-        if index != MISSING {
-            let (gain, whitening) = filter.gains[index as usize * stride..][..stride].split_at(n * m);
-            innovation.fill(0.0);
-            for (gain, turned) in gain.chunks_exact(m).zip(&turned) {
-                innovation.iter_mut().zip(gain).for_each(|(sum, gain)| *sum += gain * turned);
-            }
-            for (d, weights) in whitening.chunks_exact(m).enumerate() {
-                let value = whitened[d * rows + row];
-                innovation.iter_mut().zip(weights).take(d + 1).for_each(|(sum, w)| *sum += w * value);
-            }
-            visit(row, &innovation);
-            for (c, innovation) in innovation.iter().enumerate() {
-                let seen = &filter.seen[c * n..(c + 1) * n];
-                costate.iter_mut().zip(seen).for_each(|(value, seen)| *value -= seen * innovation);
-            }
-        }
-        if row % FLUSH_ROWS == 0 {
-            flush(costate);
-        }
-    }
-}
-
 /// Φ of few states: its diagonal, and what is not zero beside it. Most states are first-order processes.
 #[derive(Clone)]
 struct Transition<const N: usize> {
@@ -696,15 +579,6 @@ impl<const N: usize> Transition<N> {
         }
         next
     }
-
-    /// Φᵀ x.
-    fn turn(&self, state: &[f64; N]) -> [f64; N] {
-        let mut next: [f64; N] = std::array::from_fn(|i| self.diagonal[i] * state[i]);
-        for &(i, j, weight) in &self.beside {
-            next[j] += weight * state[i];
-        }
-        next
-    }
 }
 
 /// A step with a gain, x ← (Φ − Φ K H) x + Φ K y, in which a row waits for the one before in a single product and sum.
@@ -728,12 +602,6 @@ impl<const N: usize> Closed<N> {
         }
         Self { of_state, of_input }
     }
-}
-
-/// The sum, of halves that do not wait for each other.
-fn sum<const N: usize>(values: [f64; N]) -> f64 {
-    let (first, second) = values.split_at(N / 2);
-    first.iter().sum::<f64>() + second.iter().sum::<f64>()
 }
 
 /// `sum` + Σ weight · value.

@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use wide::f64x2;
 
-use crate::whiten::{FLUSH_ROWS, Filter, Rounded, flush};
+use crate::whitening::filter::{FLUSH_ROWS, Filter, Rounded, flush};
 
 /// States of a group.
 const LANES: usize = 2;
@@ -472,7 +472,7 @@ mod tests {
     use rand_pcg::Pcg64;
 
     use super::{Gains, lay_out};
-    use crate::whiten::{Filter, Space};
+    use crate::whitening::filter::{Filter, Space};
 
     /// Any number of channels and states, in pairs or not, and two gains: as the filter of one gain after the other.
     #[test]

@@ -14,7 +14,7 @@
 //! filter that has not settled, nor a change of the white level.
 use nalgebra::{DMatrix, DVector};
 
-use crate::whiten::Filter;
+use crate::whitening::filter::Filter;
 
 /// Most states of the model of a shape: two of a loop, a ramp and its slope.
 pub const MOST: usize = 4;
@@ -190,8 +190,8 @@ fn framed(own: &Square, transition: &Square) -> Square {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::course::tests::{noises, space_of};
-    use crate::whiten::Space;
+    use crate::whitening::course::tests::{noises, space_of};
+    use crate::whitening::filter::Space;
 
     /// Noises of all kinds and white noise alone, outages and a change of the white level: at every row as the response that is whitened.
     #[test]
