@@ -4,6 +4,8 @@
 use serde::ser::SerializeStruct;
 use serde::{Serialize, Serializer};
 
+use crate::catalogue::{Effect, named};
+
 /// What the format's key `format` says.
 pub const FORMAT: &str = "schuler-explanation/2";
 
@@ -63,17 +65,14 @@ pub struct Finding {
     pub sentence: String,
 }
 
-/// The effect that is isolated readings far from the others.
-const OUTLIERS: &str = "noise_outliers";
-
 impl Finding {
     /// Whether no physics was left out: isolated readings are set aside, or numbers of a noise that the case states are put right, and the data
     /// can tell that from what is no noise.
     pub fn is_no_physics(&self) -> bool {
-        let is_noise = |member: &Member| member.effect.starts_with("noise_");
+        let is_noise = |member: &Member| named(&member.effect).is_some_and(Effect::is_noise);
         let are_stated = self.parameters.iter().all(|parameter| parameter.stated.is_some());
         let corrects_stated = !self.parameters.is_empty() && are_stated && self.class.iter().all(is_noise);
-        corrects_stated || self.effect == OUTLIERS
+        corrects_stated || named(&self.effect).is_some_and(Effect::is_outliers)
     }
 
     /// Whether it is an effect, or cannot be told from it, on whatever sensor.

@@ -3,6 +3,7 @@
 //! Everything that comes from the user's files passes through maud, which escapes it, or through JSON in which `<` is
 //! escaped. The page's policy forbids it every connection.
 use maud::{DOCTYPE, Markup, PreEscaped, html};
+use schuler_explain::catalogue::named;
 use schuler_explain::explanation::{BeforeAfter, Finding, Fit, Goodness};
 
 use super::Report;
@@ -116,7 +117,7 @@ fn finding(report: &Report, index: usize, it: &Finding) -> Markup {
                 dt { "Left out" }
                 dd {
                     code { (it.effect) }
-                    @if let Some(effect) = words::effect(&it.effect) { " – " (effect.formula) }
+                    @if let Some(effect) = named(&it.effect) { " – " (effect.formula) }
                 }
                 dt { "Evidence" }
                 dd {

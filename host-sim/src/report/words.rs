@@ -1,7 +1,7 @@
 //! The sentences of an explanation, for the terminal and for the page.
 use std::fmt::Write;
 
-use schuler_explain::catalogue::{CATALOGUE, Effect, SETUP};
+use schuler_explain::catalogue::named;
 use schuler_explain::explanation::{BeforeAfter, Finding, Located, Member, Parameter, Remainder, Verdict};
 use schuler_explain::sentence::{of_stated, quoted as quoted_parameters, said};
 use schuler_recording::error::rounded;
@@ -41,7 +41,7 @@ pub(super) fn verdict(verdict: Verdict) -> &'static str {
 /// "From 3 h 12 min on, gyro_x drifts with the rate of its temperature: 1.90 ± 0.04 °/h per K/h."
 pub(super) fn finding(finding: &Finding, length_s: f64) -> String {
     // The answer's own sentence is for those who have nothing but the answer.
-    let Some(effect) = effect(&finding.effect) else { return finding.sentence.clone() };
+    let Some(effect) = named(&finding.effect) else { return finding.sentence.clone() };
     let said = said(effect, &finding.sensor, &finding.parameters);
     let quoted = quoted_parameters(&finding.parameters);
     let (numbers, others): (Vec<&Parameter>, Vec<&Parameter>) =
@@ -104,14 +104,9 @@ pub(super) fn name_of(name: &str) -> String {
     known.to_owned()
 }
 
-/// The row of the catalogue.
-pub(super) fn effect(id: &str) -> Option<&'static Effect> {
-    CATALOGUE.iter().chain(SETUP.iter().copied()).find(|effect| effect.id == id)
-}
-
 /// "bias_temperature_rate, k·Ṫ"
 pub(super) fn left_out(id: &str) -> String {
-    match effect(id) {
+    match named(id) {
         Some(effect) => format!("{id}, {}", effect.formula),
         None => id.to_owned(),
     }

@@ -6,6 +6,7 @@ use super::draft::{
     Draft, HOUR, ITSELF, Plausible, amplitude, any, at_each_instrument_place, at_each_place, coefficient,
     time_constant,
 };
+use super::in_flight::{InFlight, OF_THIS_RECORD, OF_UNKNOWN_PHASE, Part};
 use super::{Effect, OnsetShape, Search};
 use crate::inputs::series::map;
 use crate::inputs::{Inputs, Place, Series};
@@ -28,6 +29,7 @@ pub(super) const BIAS_CONSTANT: Effect = Effect {
     needs: "known input; not a relative sensor",
     separated_by: "turn the sensor's axis by 180° between two runs: a bias keeps its sign, an input error changes it",
     source: IEEE_528,
+    in_flight: InFlight::Term([Part::One, Part::One]),
     acts_on: any,
     candidates: |effect, inputs| {
         at_each_place(effect, inputs, |place| {
@@ -47,6 +49,7 @@ pub(super) const BIAS_STEP: Effect = Effect {
     needs: "nothing but time on either side of the step",
     separated_by: "repeat the run: a step of the sensor's own does not come again at the same time",
     source: IEEE_528,
+    in_flight: OF_THIS_RECORD,
     acts_on: any,
     candidates: |effect, inputs| {
         at_each_place(effect, inputs, |place| {
@@ -63,6 +66,7 @@ pub(super) const BIAS_DRIFT_LINEAR: Effect = Effect {
     needs: "hours",
     separated_by: "hold the temperature constant for as long again: ageing goes on, a thermal drift ends",
     source: IEEE_528,
+    in_flight: OF_THIS_RECORD,
     acts_on: any,
     candidates: |effect, inputs| {
         at_each_instrument_place(effect, inputs, |place| {
@@ -86,6 +90,7 @@ pub(super) const BIAS_WARMUP: Effect = Effect {
     needs: "record from switch-on",
     separated_by: "switch on at another ambient temperature: warm-up comes again, dependence on T changes",
     source: "IEEE Std 813 (DTG test procedure), warm-up; IEEE Std 1293 for accelerometers",
+    in_flight: OF_THIS_RECORD,
     acts_on: any,
     candidates: |effect, inputs| {
         if inputs.duration_s() < WARMUP_S {
@@ -118,6 +123,7 @@ pub(super) const BIAS_RESTART: Effect = Effect {
     needs: "several switch-ons, or gaps that may hide them, in one record",
     separated_by: "more switch-ons at one temperature",
     source: "IEEE Std 528, repeatability from turn-on to turn-on",
+    in_flight: OF_THIS_RECORD,
     acts_on: any,
     candidates: |effect, inputs| {
         if inputs.possible_run_starts.len() < 2 {
@@ -148,6 +154,7 @@ pub(super) const PERIODIC_LINE: Effect = Effect {
     needs: "a few periods",
     separated_by: "another sampling rate moves an alias; another spin rate or engine speed moves its own line",
     source: "IEEE Std 813, spin-frequency and 2N noise; IEEE Std 647 for dither",
+    in_flight: OF_UNKNOWN_PHASE,
     acts_on: any,
     candidates: |effect, inputs| {
         at_each_place(effect, inputs, |place| {
@@ -165,6 +172,7 @@ pub(super) const SCHULER_OSCILLATION: Effect = Effect {
     needs: "hours; a velocity of an inertial system",
     separated_by: "run longer than one period of 84.4 min, or damp the loop with an outside velocity",
     source: "Schuler, Physikalische Zeitschrift 24 (1923) 344",
+    in_flight: OF_UNKNOWN_PHASE,
     acts_on: |kind| matches!(kind, SensorKind::InsVelocity),
     candidates: |effect, inputs| {
         let schuler = schuler_rate(inputs);

@@ -7,6 +7,7 @@
 //! as the readings, whether it is that delay, and whether it depends on temperature, which a thermometer tells inexactly.
 use schuler_recording::case::SensorKind;
 
+use super::in_flight::InFlight;
 use crate::inputs::Inputs;
 use crate::inputs::series::Series;
 
@@ -25,6 +26,8 @@ pub struct Effect {
     pub separated_by: &'static str,
     /// Where the formula and the magnitudes come from.
     pub source: &'static str,
+    /// Whether it is compensated in flight.
+    pub in_flight: InFlight,
     /// Which kinds of sensor it acts on.
     pub acts_on: fn(SensorKind) -> bool,
     /// The candidates that it gives in a case: none where what it needs was not recorded or does not vary.

@@ -6,6 +6,7 @@ use super::draft::{
     Draft, G_SQUARED, GAUSS, ITSELF, KILOPASCAL, MILLIRADIAN, Per, Plausible, VOLT, any, at_each_place,
     coefficient, gyros, inertial, time_constant, tuned_gyros,
 };
+use super::in_flight::IS_NOT_TOLD;
 use super::{Amplitude, Candidate, Effect, Port, general};
 use crate::inputs::motion::of_rows;
 use crate::inputs::series::{lagged, map, mean, product, varies};
@@ -21,6 +22,7 @@ pub(super) const BIAS_SUPPLY_VOLTAGE: Effect = Effect {
     needs: "voltage recorded and not constant",
     separated_by: "step the supply at constant temperature",
     source: "IEEE Std 813, IEEE Std 1293 (power supply sensitivity)",
+    in_flight: IS_NOT_TOLD,
     acts_on: any,
     candidates: |effect, inputs| {
         of_quantity(effect, inputs, &[Quantity::Voltage], |place| {
@@ -36,6 +38,7 @@ pub(super) const BIAS_PRESSURE: Effect = Effect {
     needs: "pressure recorded and not constant",
     separated_by: "change the pressure in a chamber at constant temperature",
     source: "IEEE Std 1293 (environmental sensitivities)",
+    in_flight: IS_NOT_TOLD,
     acts_on: any,
     candidates: |effect, inputs| {
         of_quantity(effect, inputs, &[Quantity::Pressure], |place| {
@@ -51,6 +54,7 @@ pub(super) const BIAS_MAGNETIC_FIELD: Effect = Effect {
     needs: "field recorded or attitude known, and not constant",
     separated_by: "a coil at constant attitude",
     source: "IEEE Std 813, IEEE Std 952 (magnetic sensitivity)",
+    in_flight: IS_NOT_TOLD,
     acts_on: inertial,
     candidates: |effect, inputs| {
         const FIELDS: [Quantity; 3] =
@@ -94,6 +98,7 @@ pub(super) const BIAS_PICKOFF_OFFSET: Effect = Effect {
     needs: "pick-off recorded and not constant",
     separated_by: "offset the pick-off electrically at rest",
     source: "IEEE Std 813; Hayakawa & Nibe (residual spring and damping of the tuned rotor)",
+    in_flight: IS_NOT_TOLD,
     acts_on: tuned_gyros,
     candidates: |effect, inputs| {
         at_each_place(effect, inputs, |place| {
@@ -117,6 +122,7 @@ pub(super) const VIBRATION_RECTIFICATION: Effect = Effect {
     needs: "vibration recorded and not constant",
     separated_by: "shake at several levels along each axis",
     source: "IEEE Std 1293, vibration rectification; Honeywell, accelerometer glossary",
+    in_flight: IS_NOT_TOLD,
     acts_on: inertial,
     candidates: |effect, inputs| {
         at_each_place(effect, inputs, |place| {
@@ -139,6 +145,7 @@ pub(super) const BIAS_ON_AUX: Effect = Effect {
     needs: "that quantity varies",
     separated_by: "vary that quantity alone",
     source: "none: a dependence found in the data, for a person to explain",
+    in_flight: IS_NOT_TOLD,
     acts_on: any,
     candidates: |effect, inputs| {
         let lag = time_constant(inputs, 10.0, 3600.0);

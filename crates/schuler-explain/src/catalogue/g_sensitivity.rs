@@ -3,6 +3,7 @@
 //! i = input axis, s = spin axis, o = s × i ([`crate::inputs::Axes`]). Of any gyro: an optical one has no mass to be unbalanced, but a coil or a
 //! path that the force strains.
 use super::draft::{Draft, G, G_SQUARED, Plausible, at_each_place, coefficient, gyros};
+use super::in_flight::{GyroAxis, InFlight, Part};
 use super::{Candidate, Effect};
 use crate::inputs::series::{product, varies};
 use crate::inputs::{Axes, Inputs};
@@ -16,7 +17,7 @@ const TUMBLE_45: &str =
 
 /// A row on one component of the specific force.
 macro_rules! on_force {
-    ($name:ident, $id:literal, $formula:literal, $sentence:literal, $axis:expr, $plausible:expr) => {
+    ($name:ident, $id:literal, $formula:literal, $sentence:literal, $axis:expr, $of:expr, $plausible:expr) => {
         pub(super) const $name: Effect = Effect {
             id: $id,
             formula: $formula,
@@ -24,6 +25,7 @@ macro_rules! on_force {
             needs: "attitude or acceleration varies",
             separated_by: TUMBLE,
             source: IEEE_813,
+            in_flight: InFlight::Term([Part::Force($of), Part::One]),
             acts_on: gyros,
             candidates: |effect, inputs| on_force(effect, inputs, $axis, Plausible::gyro($plausible)),
         };
@@ -36,6 +38,7 @@ on_force!(
     "k·f_i",
     "drifts with the specific force along its input axis",
     |axes| axes.input,
+    GyroAxis::Input,
     [0.05, 5.0]
 );
 on_force!(
@@ -44,6 +47,7 @@ on_force!(
     "k·f_o",
     "drifts with the specific force along its other input axis",
     |axes| axes.other,
+    GyroAxis::Other,
     [0.02, 0.5]
 );
 on_force!(
@@ -52,6 +56,7 @@ on_force!(
     "k·f_s",
     "drifts with the specific force along its spin axis",
     |axes| axes.spin,
+    GyroAxis::Spin,
     [0.01, 0.2]
 );
 
@@ -62,6 +67,7 @@ pub(super) const G2_ANISOELASTICITY: Effect = Effect {
     needs: "the product varies apart from the forces",
     separated_by: TUMBLE_45,
     source: LIU_FAN,
+    in_flight: InFlight::Term([Part::Force(GyroAxis::Input), Part::Force(GyroAxis::Spin)]),
     acts_on: gyros,
     candidates: |effect, inputs| {
         on_product(effect, inputs, &[(None, |axes| axes.input, |axes| axes.spin)], [0.01, 0.1])
@@ -75,6 +81,10 @@ pub(super) const G2_CROSS: Effect = Effect {
     needs: "the product varies apart from the forces: attitudes at 45°",
     separated_by: TUMBLE_45,
     source: LIU_FAN,
+    in_flight: InFlight::ByAxis(&[
+        ("input-other", [Part::Force(GyroAxis::Input), Part::Force(GyroAxis::Other)]),
+        ("other-spin", [Part::Force(GyroAxis::Other), Part::Force(GyroAxis::Spin)]),
+    ]),
     acts_on: gyros,
     candidates: |effect, inputs| {
         let products: [Product; 2] = [

@@ -1,5 +1,6 @@
 //! Errors of the gravity that a simulation assumes: an anomaly, and the tide of the solid Earth.
 use super::draft::{Draft, ITSELF, Plausible, accelerometers, amplitude, at_each_place, instruments, number};
+use super::in_flight::OF_THE_PLACE;
 use super::{Column, Effect, Port, Search, Signature};
 use crate::catalogue::tide::upward_pull;
 use crate::inputs::motion::along;
@@ -26,6 +27,7 @@ pub(super) const GRAVITY_ANOMALY: Effect = Effect {
     needs: "accelerometers with a part along the vertical",
     separated_by: "turn the axis upside down: an error of gravity changes sign with it, a bias does not",
     source: "Groves, 2nd ed., ch. 2 (gravity models and their errors)",
+    in_flight: OF_THE_PLACE,
     acts_on: accelerometers,
     candidates: |effect, inputs| {
         let Some(down) = &inputs.motion.down else { return Vec::new() };
@@ -57,6 +59,7 @@ pub(super) const EARTH_TIDE: Effect = Effect {
     needs: "days",
     separated_by: "a record of two weeks: the tide's lines are not at whole days, those of temperature are",
     source: "Longman, J. Geophysical Research 64 (1959) 2351",
+    in_flight: OF_THE_PLACE,
     acts_on: accelerometers,
     candidates: |effect, inputs| {
         if inputs.duration_s() < TIDE_S {

@@ -7,6 +7,7 @@ use super::draft::{
     VELOCITY_CUBED, VELOCITY_SQUARED, accelerometers, any, arcseconds, at_each_place, coefficient,
     instruments, logarithmic, number, ppm, seen, to_the,
 };
+use super::in_flight::{IS_A_FAILURE, InFlight, Part};
 use super::{Column, Effect, Nonlinear, Search, Signature, Target};
 use crate::inputs::series::{both_signs, map, product, varies};
 use crate::inputs::{Inputs, Place, Series};
@@ -35,6 +36,7 @@ pub(super) const SCALE_FACTOR: Effect = Effect {
     needs: "input varies",
     separated_by: "rates or positions of several sizes and both signs at constant temperature",
     source: "IEEE Std 528; IEEE Std 292 and 1293 for accelerometers",
+    in_flight: InFlight::Term([Part::Input(1), Part::One]),
     acts_on: any,
     candidates: |effect, inputs| {
         let mut candidates = at_each_place(effect, inputs, |place| {
@@ -61,6 +63,7 @@ pub(super) const SCALE_FACTOR_ASYMMETRY: Effect = Effect {
     needs: "input of both signs",
     separated_by: "equal and opposite rates or positions",
     source: IEEE_1293,
+    in_flight: InFlight::Term([Part::InputMagnitude, Part::One]),
     acts_on: any,
     candidates: |effect, inputs| {
         of_input(effect, inputs, both_signs, |place, input| (map(input, f64::abs), ppm(place, [5.0, 50.0])))
@@ -74,6 +77,7 @@ pub(super) const SCALE_FACTOR_QUADRATIC: Effect = Effect {
     needs: "amplitude of the input varies",
     separated_by: "centrifuge or rates at several sizes; vibration along the axis shows it as a constant",
     source: IEEE_1293,
+    in_flight: InFlight::Term([Part::Input(2), Part::One]),
     acts_on: any,
     candidates: |effect, inputs| {
         of_input(effect, inputs, amplitude_varies, |place, input| {
@@ -90,6 +94,7 @@ pub(super) const SCALE_FACTOR_CUBIC: Effect = Effect {
     needs: "large amplitude of the input",
     separated_by: "centrifuge or rates at several sizes and both signs",
     source: IEEE_1293,
+    in_flight: InFlight::Term([Part::Input(3), Part::One]),
     acts_on: any,
     candidates: |effect, inputs| {
         of_input(effect, inputs, amplitude_varies, |place, input| {
@@ -105,6 +110,7 @@ pub(super) const SCALE_FACTOR_ODD_QUADRATIC: Effect = Effect {
     needs: "amplitude of the input varies, both signs",
     separated_by: "centrifuge or rates at several sizes and both signs",
     source: IEEE_1293,
+    in_flight: InFlight::Term([Part::Input(1), Part::InputMagnitude]),
     acts_on: any,
     candidates: |effect, inputs| {
         let has = |input: &[f64]| amplitude_varies(input) && both_signs(input);
@@ -122,6 +128,7 @@ pub(super) const MISALIGNMENT: Effect = Effect {
     needs: "rotation about all axes, or all faces up",
     separated_by: "rotate about each axis in turn, or put each face up",
     source: IEEE_1293,
+    in_flight: InFlight::Term([Part::InputAcross, Part::One]),
     acts_on: any,
     candidates: |effect, inputs| {
         let mut candidates = at_each_place(effect, inputs, |place| {
@@ -146,6 +153,7 @@ pub(super) const CROSS_COUPLING: Effect = Effect {
     needs: "both forces vary",
     separated_by: "faces up at 45° about each axis",
     source: IEEE_1293,
+    in_flight: InFlight::Term([Part::Input(1), Part::ForceAcross]),
     acts_on: accelerometers,
     candidates: |effect, inputs| {
         at_each_place(effect, inputs, |place| {
@@ -169,6 +177,7 @@ pub(super) const DEAD_ZONE: Effect = Effect {
     needs: "input below the threshold",
     separated_by: "rates below and above the threshold, up and down",
     source: "IEEE Std 528, threshold and dead band",
+    in_flight: IS_A_FAILURE,
     acts_on: any,
     candidates: |effect, inputs| {
         at_each_place(effect, inputs, |place| {

@@ -7,6 +7,7 @@ use schuler_recording::motion::earth;
 use schuler_recording::unit::Dimension;
 
 use super::draft::{Draft, Instrument, any, displaced, gyros, instruments, logarithmic, number, seen};
+use super::in_flight::{OF_THE_PLACE, WITHIN_A_STEP};
 use super::input::varying;
 use super::{Candidate, Column, Effect, Nonlinear, Port, Search, Signature, Target};
 use crate::inputs::motion::{along, of_rows, row_of};
@@ -34,6 +35,7 @@ pub(super) const TIME_DELAY: Effect = Effect {
     needs: "changing input",
     separated_by: "oscillate at several frequencies: a delay's phase grows with frequency, its gain stays",
     source: "IEEE Std 1559 (inertial systems), data latency",
+    in_flight: WITHIN_A_STEP,
     acts_on: any,
     candidates: |effect, inputs| {
         let longest_s = inputs.duration_s() / 20.0;
@@ -97,6 +99,7 @@ pub(super) const BANDWIDTH_LAG: Effect = Effect {
     needs: "changing input",
     separated_by: "oscillate at several frequencies: a lag loses gain as its phase grows, a delay does not",
     source: "IEEE Std 528, frequency response",
+    in_flight: WITHIN_A_STEP,
     acts_on: any,
     candidates: |effect, inputs| {
         let most = MOST_LAG_S.max(inputs.recording.step_s);
@@ -116,6 +119,7 @@ pub(super) const LEVER_ARM: Effect = Effect {
     needs: "rotation, about two axes for all three components",
     separated_by: "rotate about two axes in turn at the same place",
     source: "Groves, Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems, 2nd ed., ch. 2 and 5",
+    in_flight: WITHIN_A_STEP,
     acts_on: displaced,
     candidates: |effect, inputs| {
         let (Some(rate), Some(acceleration)) = (&inputs.motion.rate, &inputs.motion.angular_acceleration)
@@ -164,6 +168,7 @@ pub(super) const EARTH_RATE_ATTITUDE: Effect = Effect {
     needs: "rotation, or three axes; known attitude",
     separated_by: "turn to other headings: an error of heading goes round with it, a bias stays",
     source: "gyrocompassing; Groves, 2nd ed., ch. 5",
+    in_flight: OF_THE_PLACE,
     acts_on: gyros,
     candidates: |effect, inputs| {
         let (Some(north), Some(down), Some(site)) =

@@ -15,6 +15,8 @@
 //! | `noise` | another random part |
 //! | `setup` | what is simply wrong in a case, and the noise of its reference |
 //! | `unnamed` | what is in no catalogue, as a rival of all that is |
+//!
+//! `in_flight` says what the flight module can do about an effect.
 mod additive;
 mod draft;
 mod effect;
@@ -23,6 +25,7 @@ mod failures;
 mod g_sensitivity;
 mod general;
 mod gravity;
+mod in_flight;
 mod input;
 mod instrument;
 mod noise;
@@ -36,6 +39,7 @@ pub use effect::{
     AT_MEAN, AT_START, Amplitude, Candidate, Column, Effect, NoiseChange, Nonlinear, OnsetShape, Port,
     ReadingFault, Search, Signature, SignatureOf, Target, share_equal_series,
 };
+pub use in_flight::{GyroAxis, HAS_NO_TERM, InFlight, Part};
 
 use crate::nominal::Model;
 
@@ -78,6 +82,16 @@ impl Effect {
     /// Whether it stands for what is in no catalogue.
     pub fn is_unnamed(&self) -> bool {
         self.id == unnamed::UNNAMED.id
+    }
+
+    /// Whether it is another random part, isolated readings among them.
+    pub fn is_noise(&self) -> bool {
+        self.id.starts_with("noise_")
+    }
+
+    /// Whether it is isolated readings far from the others.
+    pub fn is_outliers(&self) -> bool {
+        self.id == noise::NOISE_OUTLIERS.id
     }
 
     /// Whether it is an output in steps.
@@ -176,6 +190,11 @@ pub const CATALOGUE: &[Effect] = &[
     noise::NOISE_VARIANCE_STEP,
     noise::NOISE_OUTLIERS,
 ];
+
+/// The row of an identifier, of the catalogue or of what may be wrong in a case.
+pub fn named(id: &str) -> Option<&'static Effect> {
+    CATALOGUE.iter().chain(SETUP.iter().copied()).find(|effect| effect.id == id)
+}
 
 /// Name of what a candidate acts on.
 pub fn target_name(model: &Model, candidate: &Candidate) -> String {

@@ -1,5 +1,6 @@
 //! The random part is another than the nominal model says.
 use super::draft::{Draft, any, at_each_place, inertial};
+use super::in_flight::{IS_A_FAILURE, IS_NOISE};
 use super::{Candidate, Effect, NoiseChange, ReadingFault, Search};
 use crate::inputs::{Inputs, Place};
 use crate::sentence::QUANTITY;
@@ -16,6 +17,7 @@ macro_rules! noise {
             needs: "a record much longer than the correlation time",
             separated_by: $separated_by,
             source: IEEE_952,
+            in_flight: IS_NOISE,
             acts_on: $acts_on,
             candidates: |effect, inputs| changed(effect, inputs, $change),
         };
@@ -83,6 +85,7 @@ pub(super) const NOISE_VARIANCE_STEP: Effect = Effect {
     needs: "nothing",
     separated_by: "repeat the run",
     source: IEEE_952,
+    in_flight: IS_NOISE,
     acts_on: any,
     candidates: |effect, inputs| {
         at_each_place(effect, inputs, |place| {
@@ -105,6 +108,7 @@ pub(super) const NOISE_OUTLIERS: Effect = Effect {
     needs: "nothing",
     separated_by: "log the raw words of the link: spikes of the link are not in the sensor",
     source: IEEE_952,
+    in_flight: IS_A_FAILURE,
     acts_on: any,
     candidates: |effect, inputs| {
         at_each_place(effect, inputs, |place| {

@@ -5,6 +5,7 @@ use super::draft::{
     Draft, G, Plausible, RATE_SQUARED, accelerometers, at_each_place, coefficient, gyros, inertial,
     logarithmic, number, ppm, time_constant, tuned_gyros,
 };
+use super::in_flight::{GyroAxis, HAS_A_MEMORY, InFlight, Part, WITHIN_A_STEP};
 use super::{Effect, Nonlinear};
 use crate::inputs::Series;
 use crate::inputs::motion::row_of;
@@ -27,6 +28,7 @@ pub(super) const TORQUER_SELF_HEATING: Effect = Effect {
     separated_by: "a burst of rate and rest after it, at constant temperature: the drift dies away after the burst",
     source: "IEEE Std 813, torquer heating",
     // A tuned gyro by both its torquers; whatever closes another gyro's loop is fed for its own rate.
+    in_flight: HAS_A_MEMORY,
     acts_on: gyros,
     candidates: |effect, inputs| {
         let Some(tau) = time_constant(inputs, 10.0, 3600.0) else { return Vec::new() };
@@ -68,6 +70,7 @@ pub(super) const POST_G_TRANSIENT: Effect = Effect {
     needs: "a burst of acceleration",
     separated_by: "hold on a centrifuge, stop, and watch at rest",
     source: "IEEE Std 836 (centrifuge), IEEE Std 1293",
+    in_flight: HAS_A_MEMORY,
     acts_on: accelerometers,
     candidates: |effect, inputs| {
         let Some(tau) = time_constant(inputs, 1.0, 3600.0) else { return Vec::new() };
@@ -87,6 +90,7 @@ pub(super) const ANISOINERTIA: Effect = Effect {
     needs: "two rates at once",
     separated_by: "rotate about an axis at 45° between the two, both ways",
     source: "IEEE Std 813; IEEE Std 292 for the same term of single-axis gyros",
+    in_flight: InFlight::Term([Part::Input(1), Part::Rate(GyroAxis::Spin)]),
     acts_on: tuned_gyros,
     candidates: |effect, inputs| {
         at_each_place(effect, inputs, |place| {
@@ -112,6 +116,7 @@ pub(super) const ANGULAR_ACCELERATION: Effect = Effect {
     needs: "changing rate",
     separated_by: "oscillate at several frequencies: the error grows with frequency, a lag's phase turns on",
     source: "IEEE Std 813, angular-acceleration sensitivity",
+    in_flight: WITHIN_A_STEP,
     acts_on: gyros,
     candidates: |effect, inputs| {
         at_each_place(effect, inputs, |place| {
@@ -137,6 +142,7 @@ pub(super) const RATE_CROSS_AXIS: Effect = Effect {
     needs: "rate about both axes",
     separated_by: "remount the gyro by 90° about its spin axis: a misalignment of the mount stays with the mount",
     source: "IEEE Std 813, cross-axis coupling of the tuned gyro's loops",
+    in_flight: InFlight::Term([Part::Rate(GyroAxis::Other), Part::One]),
     acts_on: tuned_gyros,
     candidates: |effect, inputs| {
         at_each_place(effect, inputs, |place| {
@@ -153,6 +159,7 @@ pub(super) const CONING_SCULLING: Effect = Effect {
     needs: "rates about two axes in quadrature",
     separated_by: "coning about the axis at another amplitude: the error goes with its square",
     source: "Savage, J. Guidance, Control, and Dynamics 21 (1998) 19 and 208; Titterton & Weston",
+    in_flight: WITHIN_A_STEP,
     acts_on: inertial,
     candidates: |effect, inputs| {
         let step_s = inputs.recording.step_s;

@@ -7,6 +7,7 @@ use schuler_recording::case::{MotionKind, SensorKind};
 use schuler_recording::unit::{Dimension, STANDARD_GRAVITY};
 
 use super::draft::{Draft, Instrument, any, inertial, instruments, number};
+use super::in_flight::HAS_NO_TERM;
 use super::input::varying;
 use super::{Candidate, Column, Effect, Nonlinear, Port, Search, Signature, Target};
 use crate::inputs::series::{Series, map};
@@ -43,6 +44,7 @@ pub(super) const SIGN_FLIPPED: Effect = Effect {
     needs: "an input",
     separated_by: "turn the sensor by hand",
     source: "",
+    in_flight: HAS_NO_TERM,
     acts_on: any,
     candidates: |effect, inputs| {
         let mut found: Vec<Candidate> = Vec::new();
@@ -67,6 +69,7 @@ pub(super) const AXES_SWAPPED: Effect = Effect {
     needs: "input on two axes",
     separated_by: "turn the instrument by hand about one axis after the other",
     source: "",
+    in_flight: HAS_NO_TERM,
     acts_on: any,
     candidates: |effect, inputs| {
         let mut found = Vec::new();
@@ -108,6 +111,7 @@ pub(super) const UNIT_MISTAKEN: Effect = Effect {
     needs: "an input",
     separated_by: "the data sheet",
     source: "",
+    in_flight: HAS_NO_TERM,
     acts_on: any,
     candidates: |effect, inputs| {
         let mut found = Vec::new();
@@ -137,6 +141,7 @@ pub(super) const GRAVITY_REMOVED: Effect = Effect {
     needs: "accelerometers at rest",
     separated_by: "tilt the instrument",
     source: "",
+    in_flight: HAS_NO_TERM,
     acts_on: inertial,
     candidates: |effect, inputs| {
         if inputs.recording.case.motion.kind != MotionKind::Static {
@@ -159,6 +164,7 @@ pub(super) const REFERENCE_NOISE: Effect = Effect {
     needs: "a recorded motion",
     separated_by: "a reference of less noise, or one that is smoothed",
     source: "Fuller, Measurement Error Models (1987)",
+    in_flight: HAS_NO_TERM,
     acts_on: any,
     candidates: |effect, inputs| {
         let mut found = Vec::new();

@@ -5,6 +5,7 @@ use std::f64::consts::PI;
 
 use super::Effect;
 use super::draft::{Draft, ITSELF, Plausible, amplitude, any, at_each_place};
+use super::in_flight::HAS_NO_TERM;
 
 /// Cosines of which a smooth function is made.
 const TERMS: usize = 6;
@@ -17,6 +18,7 @@ pub(super) const UNNAMED: Effect = Effect {
     needs: "a quantity that varies",
     separated_by: "vary that quantity alone",
     source: "",
+    in_flight: HAS_NO_TERM,
     acts_on: any,
     candidates: |effect, inputs| {
         let of_time = (String::from("time"), inputs.time_s.to_vec());

@@ -10,7 +10,7 @@ use schuler_recording::case::{MotionKind, Quantity as Recorded, Sensor};
 use schuler_recording::unit::{Dimension, STANDARD_GRAVITY, Unit};
 use serde::Serialize;
 
-use crate::catalogue::AT_MEAN;
+use crate::catalogue::{AT_MEAN, GyroAxis, HAS_NO_TERM, InFlight, Part, named};
 use crate::explanation::{Explanation, Finding, Parameter};
 
 /// Axes within this of each other, cosine, are the same: 0.8°.
@@ -56,63 +56,6 @@ pub struct Deployed {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub caution: Option<String>,
 }
-
-/// What a term is proportional to, as the catalogue speaks of it.
-#[derive(Clone, Copy, Debug)]
-enum Part {
-    One,
-    /// To a power, about the reference.
-    Temperature(u8),
-    TemperatureRate,
-    TemperatureDifference,
-    Input(u8),
-    InputMagnitude,
-    /// The same quantity as the sensor's, along the body axis that the parameter `axis` names.
-    InputAcross,
-    ForceAcross,
-    Force(Axis),
-    Rate(Axis),
-}
-
-/// Axes of a gyro.
-#[derive(Clone, Copy, Debug)]
-enum Axis {
-    Input,
-    Other,
-    Spin,
-}
-
-/// The effects that the block has terms for.
-const TERMS: &[(&str, [Part; 2])] = &[
-    ("bias_constant", [Part::One, Part::One]),
-    ("bias_temperature", [Part::Temperature(1), Part::One]),
-    ("bias_electronics_temperature", [Part::Temperature(1), Part::One]),
-    ("bias_temperature_sq", [Part::Temperature(2), Part::One]),
-    ("bias_temperature_cubic", [Part::Temperature(3), Part::One]),
-    ("bias_temperature_rate", [Part::TemperatureRate, Part::One]),
-    ("bias_temperature_gradient", [Part::TemperatureDifference, Part::One]),
-    ("scale_factor", [Part::Input(1), Part::One]),
-    ("scale_factor_asymmetry", [Part::InputMagnitude, Part::One]),
-    ("scale_factor_quadratic", [Part::Input(2), Part::One]),
-    ("scale_factor_cubic", [Part::Input(3), Part::One]),
-    ("scale_factor_odd_quadratic", [Part::Input(1), Part::InputMagnitude]),
-    ("scale_factor_temperature", [Part::Input(1), Part::Temperature(1)]),
-    ("misalignment", [Part::InputAcross, Part::One]),
-    ("misalignment_temperature", [Part::InputAcross, Part::Temperature(1)]),
-    ("cross_coupling", [Part::Input(1), Part::ForceAcross]),
-    ("g_mass_unbalance", [Part::Force(Axis::Input), Part::One]),
-    ("g_quadrature", [Part::Force(Axis::Other), Part::One]),
-    ("g_spin", [Part::Force(Axis::Spin), Part::One]),
-    ("g2_anisoelasticity", [Part::Force(Axis::Input), Part::Force(Axis::Spin)]),
-    ("g_mass_unbalance_temperature", [Part::Force(Axis::Input), Part::Temperature(1)]),
-    ("anisoinertia", [Part::Input(1), Part::Rate(Axis::Spin)]),
-    ("rate_cross_axis", [Part::Rate(Axis::Other), Part::One]),
-];
-/// The two of `g2_cross`, by its parameter `axis`.
-const G2_CROSS: [(&str, [Part; 2]); 2] = [
-    ("input-other", [Part::Force(Axis::Input), Part::Force(Axis::Other)]),
-    ("other-spin", [Part::Force(Axis::Other), Part::Force(Axis::Spin)]),
-];
 
 /// What of the explanation flies. Never panics.
 pub fn deploy(explanation: &Explanation, recording: &Recording, stations: &Stations) -> Deployment {
@@ -177,7 +120,7 @@ impl<'c> Context<'c> {
             _ => 1.0,
         };
         let mut terms = Vec::new();
-        for (target, sensor) in self.targets(finding)? {
+        for (target, sensor) in self.targets(finding, parts)? {
             terms.push(self.term(finding, target, sensor, parts, coefficient / divisor)?);
             // What it is at the mean of a temperature whose reference is not known.
             if let Some(at_mean) = value_of(finding, AT_MEAN)? {
@@ -210,7 +153,11 @@ impl<'c> Context<'c> {
     }
 
     /// The inputs that a finding disturbs, each with its sensor.
-    fn targets(&self, finding: &Finding) -> Result<Vec<(Target, Option<&'c Sensor>)>, String> {
+    fn targets(
+        &self,
+        finding: &Finding,
+        parts: [Part; 2],
+    ) -> Result<Vec<(Target, Option<&'c Sensor>)>, String> {
         if self.recording.case.motion.kind == MotionKind::VelocityError {
             return match finding.sensor.as_str() {
                 "accelerometer" => Ok(vec![(Target::LoopAccelerometer, None)]),
@@ -227,7 +174,7 @@ impl<'c> Context<'c> {
         if sensors.is_empty() {
             return Err(format!("{} is no sensor of the case", finding.sensor));
         }
-        if whole && finding.effect != "scale_factor" {
+        if whole && !matches!(parts, [Part::Input(1), Part::One]) {
             return Err("it belongs to a whole instrument, and the block corrects sensors".to_owned());
         }
         let targets: Vec<(Target, Option<&Sensor>)> =
@@ -287,7 +234,7 @@ impl<'c> Context<'c> {
                     _ => return Err("it does not say along which body axis".to_owned()),
                 };
                 // The catalogue's axis is at right angles to the sensor's own.
-                let own = axes(sensor, Axis::Input)?;
+                let own = axes(sensor, GyroAxis::Input)?;
                 let across = (axis - own * own.dot(&axis)).try_normalize(1e-3).unwrap_or(axis);
                 self.along(dimension, across)
             }
@@ -383,41 +330,13 @@ impl<'c> Context<'c> {
 
 /// What the terms of an effect are made of, or why it has none.
 fn parts(finding: &Finding) -> Result<[Part; 2], String> {
-    let effect = finding.effect.as_str();
-    if effect == "g2_cross" {
-        let found = G2_CROSS.iter().find(|(axis, _)| Some(*axis) == text(finding, "axis"));
-        return found.map(|(_, parts)| *parts).ok_or_else(|| "it does not say which product".to_owned());
-    }
-    let found = TERMS.iter().find(|(id, _)| *id == effect);
-    found.map(|(_, parts)| *parts).ok_or_else(|| why_not(effect).to_owned())
-}
-
-/// Why an effect cannot be compensated in flight.
-fn why_not(effect: &str) -> &'static str {
-    match effect {
-        "bias_step" | "bias_drift_linear" | "bias_warmup" | "bias_restart" => {
-            "it is a function of the time in this recording, which says nothing of the next flight"
+    match named(&finding.effect).map_or(HAS_NO_TERM, |effect| effect.in_flight) {
+        InFlight::Term(parts) => Ok(parts),
+        InFlight::ByAxis(products) => {
+            let found = products.iter().find(|(axis, _)| Some(*axis) == text(finding, "axis"));
+            found.map(|(_, parts)| *parts).ok_or_else(|| "it does not say which product".to_owned())
         }
-        "bias_thermal_lag" | "bias_thermal_hysteresis" | "torquer_self_heating" | "post_g_transient" => {
-            "it has a memory, and the terms of the block have none"
-        }
-        "bias_supply_voltage"
-        | "bias_magnetic_field"
-        | "bias_pressure"
-        | "bias_on_aux"
-        | "bias_pickoff_offset"
-        | "vibration_rectification" => "the flight module is not told the quantity",
-        "time_delay" | "bandwidth_lag" | "lever_arm" | "angular_acceleration" | "coning_sculling" => {
-            "it follows changes of the motion within a step of the flight module"
-        }
-        "periodic_line" | "schuler_oscillation" => "its phase in the next flight is not known",
-        "gravity_anomaly" | "earth_tide" | "earth_rate_attitude" => {
-            "it belongs to the place and the attitude of this recording, not to a sensor"
-        }
-        "output_stuck" | "output_saturated" | "dead_zone" | "quantisation" | "intermittent_jump"
-        | "noise_outliers" => "nothing can be taken off; isolation and health monitor deal with it",
-        noise if noise.starts_with("noise_") => "it is noise, which the flight module identifies by itself",
-        _ => "the block has no term for it",
+        InFlight::Never(why) => Err(why.to_owned()),
     }
 }
 
@@ -455,15 +374,15 @@ fn taken_reference(finding: &Finding) -> Option<f64> {
 }
 
 /// An axis of a sensor in body axes.
-fn axes(sensor: &Sensor, axis: Axis) -> Result<Vector3<f64>, String> {
+fn axes(sensor: &Sensor, axis: GyroAxis) -> Result<Vector3<f64>, String> {
     let unknown = || format!("the axes of {} are not known", sensor.id);
     let input = sensor.axis.and_then(|it| Vector3::from(it).try_normalize(1e-9)).ok_or_else(unknown)?;
-    if matches!(axis, Axis::Input) {
+    if matches!(axis, GyroAxis::Input) {
         return Ok(input);
     }
     let given = Vector3::from(sensor.spin_axis.ok_or_else(unknown)?);
     let spin = (given - input * input.dot(&given)).try_normalize(1e-3).ok_or_else(unknown)?;
-    Ok(if matches!(axis, Axis::Spin) { spin } else { spin.cross(&input) })
+    Ok(if matches!(axis, GyroAxis::Spin) { spin } else { spin.cross(&input) })
 }
 
 /// A unit of the answer in SI: `deg/h/(K/h)`, `ug/g^2`, `ppm/K` ….
@@ -696,15 +615,5 @@ position_m = [0.0, 0.1, 0.0]
         }
         assert_eq!(in_si("furlong"), None);
         assert_eq!(in_si("deg/h/V"), None);
-    }
-
-    #[test]
-    fn every_effect_without_a_term_has_a_reason() {
-        for effect in
-            ["bias_step", "time_delay", "noise_markov", "noise_outliers", "bias_pressure", "unheard_of"]
-        {
-            assert!(!why_not(effect).is_empty());
-            assert!(TERMS.iter().all(|(id, _)| *id != effect));
-        }
     }
 }
