@@ -95,7 +95,8 @@ fn not_fitted(bench: &Bench<'_>, library: &[Shelf], best: &Description, item: It
         + bench.problem.ln_prior[own.term.candidate];
     let among = reached_by(bench, best, item);
     (offers(&beside, library, &among).into_iter().chain(scans(&beside, &among)))
-        .map(|offer| (offer.candidate, best.ln_evidence + offer.ln_gain - of_own))
+        // What was not fitted is no better than the best that was.
+        .map(|offer| (offer.candidate, best.ln_evidence + (offer.ln_gain - of_own).min(0.0)))
         .filter(|(_, ln_evidence)| ln_evidence.is_finite())
         .collect()
 }
