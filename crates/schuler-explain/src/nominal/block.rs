@@ -40,7 +40,7 @@ pub(super) enum Geometry {
 pub struct Block {
     /// Its sensors, by their places in the recording.
     pub sensors: Vec<usize>,
-    /// Its sources, by their places in [`Model::sources`].
+    /// Its sources, by their places in [`Model::sources`](super::Model::sources).
     pub sources: Vec<usize>,
     /// Number of channels.
     pub channels: usize,
