@@ -7,7 +7,7 @@ use crate::noise::trust::ln_sum;
 use crate::search::beam::Beam;
 use crate::search::beside::Beside;
 use crate::search::library::{Shelf, offers};
-use crate::search::moves::{Item, items, reached_by, structure};
+use crate::search::moves::{Item, candidate_of, items, reached_by, structure};
 use crate::search::scans::scans;
 
 /// What an item may be.
@@ -38,7 +38,7 @@ pub fn posterior(bench: &Bench<'_>, library: &[Shelf], beam: &Beam) -> Vec<Poste
         .chain(beam.others.iter().cloned())
         .collect();
     let of = |item: Item| {
-        let (rest, candidate) = rest_of(best, item);
+        let (rest, candidate) = (structure_without(best, item), candidate_of(best, item));
         let mut absent: Vec<f64> = Vec::new();
         let mut alone: Vec<(usize, f64)> = vec![(candidate, best.ln_evidence)];
         let mut pairs: Vec<([usize; 2], f64)> = Vec::new();
@@ -103,14 +103,14 @@ fn not_fitted(bench: &Bench<'_>, library: &[Shelf], best: &Description, item: It
 
 type Structure = Vec<(usize, Vec<String>)>;
 
-/// The structure of a description without an item, and the item's candidate.
-fn rest_of(description: &Description, item: Item) -> (Structure, usize) {
+/// The structure of a description without an item.
+fn structure_without(description: &Description, item: Item) -> Structure {
     let mut less = description.clone();
-    let candidate = match item {
-        Item::Placed(place) => less.placed.remove(place).term.candidate,
-        Item::Change(place) => less.changes.remove(place).candidate,
-    };
-    (structure(&less), candidate)
+    match item {
+        Item::Placed(place) => drop(less.placed.remove(place)),
+        Item::Change(place) => drop(less.changes.remove(place)),
+    }
+    structure(&less)
 }
 
 /// The candidates that a structure has beside another; none where it lacks something of that.

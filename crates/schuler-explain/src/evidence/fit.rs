@@ -110,6 +110,11 @@ pub struct Bench<'b> {
 }
 
 impl Description {
+    /// Whether a candidate, by its place among all, is among the deterministic effects.
+    pub fn has(&self, candidate: usize) -> bool {
+        self.placed.iter().any(|placed| placed.term.candidate == candidate)
+    }
+
     /// Constants and effects, in the order of the amplitudes.
     pub fn described<'d>(&'d self, bench: &'d Bench<'_>) -> Described<'d> {
         let mut described = Described::default();

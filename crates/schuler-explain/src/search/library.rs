@@ -49,6 +49,27 @@ pub struct Shelf {
     pub points: Vec<(Vec<f64>, Arc<Vec<Regressor>>)>,
 }
 
+impl Shelf {
+    /// Whether it reaches some of the blocks.
+    pub fn reaches(&self, among: &[usize]) -> bool {
+        self.blocks.iter().any(|block| among.contains(block))
+    }
+
+    /// What it would add, averaged over its points, where a signature alone gains so much.
+    pub fn offer(&self, ln_prior: f64, gain: impl Fn(&[Regressor]) -> f64) -> Option<Offer> {
+        let gains: Vec<f64> = self.points.iter().map(|(_, whitened)| gain(whitened)).collect();
+        let best = (0..gains.len()).max_by(|&a, &b| gains[a].total_cmp(&gains[b]))?;
+        let mean = ln_mean(gains.iter().copied());
+        Some(Offer {
+            candidate: self.candidate,
+            ln_gain: mean + ln_prior,
+            blocks: self.blocks.clone(),
+            point: self.points[best].0.clone(),
+            ln_spread: mean - gains[best],
+        })
+    }
+}
+
 /// What a candidate would add to a description.
 #[derive(Clone)]
 pub struct Offer {
@@ -114,28 +135,13 @@ fn product(grids: &[&[f64]]) -> Vec<Vec<f64>> {
 pub fn offers(beside: &Beside<'_>, library: &[Shelf], among: &[usize]) -> Vec<Offer> {
     let problem = beside.bench.problem;
     let described = beside.described();
-    let is_placed =
-        |candidate: usize| beside.description.placed.iter().any(|placed| placed.term.candidate == candidate);
     let of = |shelf: &Shelf| {
         let candidate = &problem.candidates[shelf.candidate];
-        let gain = |(_, whitened): &(_, Arc<Vec<Regressor>>)| {
-            beside.ln_gain(&described, whitened, candidate, shelf.is_unit)
-        };
-        let gains: Vec<f64> = shelf.points.iter().map(gain).collect();
-        let best = (0..gains.len()).max_by(|&a, &b| gains[a].total_cmp(&gains[b]))?;
-        let mean = ln_mean(gains.iter().copied());
-        Some(Offer {
-            candidate: shelf.candidate,
-            ln_gain: mean + problem.ln_prior[shelf.candidate],
-            blocks: shelf.blocks.clone(),
-            point: shelf.points[best].0.clone(),
-            ln_spread: mean - gains[best],
-        })
-        .filter(|offer| offer.ln_gain.is_finite())
+        let gain = |whitened: &[Regressor]| beside.ln_gain(&described, whitened, candidate, shelf.is_unit);
+        shelf.offer(problem.ln_prior[shelf.candidate], gain).filter(|offer| offer.ln_gain.is_finite())
     };
-    let is_among = |shelf: &&Shelf| shelf.blocks.iter().any(|block| among.contains(block));
-    let shelves = library.par_iter().filter(is_among).filter(|shelf| !is_placed(shelf.candidate));
-    shelves.filter_map(of).collect()
+    let shelves = library.par_iter().filter(|shelf| shelf.reaches(among));
+    shelves.filter(|shelf| !beside.description.has(shelf.candidate)).filter_map(of).collect()
 }
 
 /// The effect of an offer with its parameters refined between the points of the grid; none of one that is described already where
@@ -270,9 +276,9 @@ impl Refine<'_> {
         (here, if spread.is_finite() { spread.min(0.0) } else { of_grid })
     }
 
-    /// The one parameter sought between the neighbours of a point of the grid, from where steps have led on, where steps do not lead to what they promise: a threshold
-    /// changes what it adds from row to row. With the logarithm of the part of its range where the gain is no more than a nat
-    /// less.
+    /// The one parameter sought between the neighbours of a point of the grid, from where steps have led on, where steps do not
+    /// lead to what they promise: a threshold changes what it adds from row to row. With the logarithm of the part of its range
+    /// where the gain is no more than a nat less.
     fn sought(
         &self,
         of_grid: f64,

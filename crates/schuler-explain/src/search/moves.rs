@@ -152,17 +152,21 @@ pub fn with_one_more(
     best: f64,
 ) -> Vec<Description> {
     let behind = best - description.ln_evidence;
-    let with_effect = |(candidate, placed): &(usize, Placed)| {
-        let touched = touched_by(placed);
-        known.if_worth(bench, description, &touched, *candidate, || {
-            let mut more = description.clone();
-            more.placed.push(placed.clone());
-            bench.fitted(&more, &touched)
+    let with_effect = |placed: &Placed| {
+        known.if_worth(bench, description, &touched_by(placed), placed.term.candidate, || {
+            with_placed(bench, description, placed.clone())
         })
     };
-    let effects = effects(bench, library, known, description, among, behind);
-    let mut all: Vec<Description> = effects.par_iter().filter_map(with_effect).collect();
-    all.extend(with_pairs(bench, library, known, description, among, behind));
+    let is_robust = description.blocks.iter().flatten().any(|fit| fit.nu.is_finite());
+    // A large misfit is not believed where it is what is sought that makes it.
+    let mut ways = vec![Beside::trusting(bench, description)];
+    if is_robust {
+        ways.push(Beside::as_trusted(bench, description));
+    }
+    let ways: Vec<Beside<'_>> = ways.into_iter().flatten().collect();
+    let promises = Promises { ways: &ways, library, known, among, behind };
+    let mut all: Vec<Description> = effects(&promises).par_iter().filter_map(with_effect).collect();
+    all.extend(with_pairs(&promises));
     let with_noise = |promised: &Promised| {
         let Promised { change, noises, block, .. } = promised;
         known.if_worth(bench, description, &[*block], change.candidate, || {
@@ -178,15 +182,24 @@ pub fn with_one_more(
     all
 }
 
-/// The effects that promise most, by full trust in the noise and by that of the description.
-fn effects(
-    bench: &Bench<'_>,
-    library: &[Shelf],
-    known: &Known,
-    description: &Description,
-    among: &[usize],
-    behind: f64,
-) -> Vec<(usize, Placed)> {
+/// What effects are sought by: what they would add beside one description.
+pub struct Promises<'p> {
+    /// Beside the description by full trust in the noise, and by the description's own where that is another.
+    pub ways: &'p [Beside<'p>],
+    /// All signatures of fixed shape.
+    pub library: &'p [Shelf],
+    /// What was computed before.
+    pub known: &'p Known,
+    /// The blocks that effects have to reach.
+    pub among: &'p [usize],
+    /// What the description is behind the best that is known, nats.
+    pub behind: f64,
+}
+
+/// The effects that promise most.
+fn effects(promises: &Promises<'_>) -> Vec<Placed> {
+    let Promises { ways, library, known, among, behind } = *promises;
+    let Some(Beside { bench, description, .. }) = ways.first() else { return Vec::new() };
     let config = bench.problem.config;
     let is_grid =
         |offer: &Offer| matches!(bench.problem.candidates[offer.candidate].search, Search::Grid { .. });
@@ -201,29 +214,31 @@ fn effects(
         offers.retain(|offer| !known.is_hopeless(bench, description, &offer.blocks, offer.candidate));
         offers
     };
-    let is_robust = description.blocks.iter().flatten().any(|fit| fit.nu.is_finite());
-    let mut ways = vec![Beside::trusting(bench, description)];
-    if is_robust {
-        ways.push(Beside::as_trusted(bench, description));
-    }
-    let mut effects: Vec<(usize, Placed)> = Vec::new();
-    for beside in ways.iter().flatten() {
+    let mut effects: Vec<Placed> = Vec::new();
+    for beside in ways {
         // A grid may miss the best by much, so that its offers are compared with each other.
         let (grids, linear): (Vec<Offer>, Vec<Offer>) =
             offers(beside, library, among).into_iter().partition(is_grid);
         let chosen: Vec<Offer> = [best(linear), best(grids), best(scans(beside, among))].concat();
-        let more: Vec<(usize, Placed)> =
-            chosen.par_iter().filter_map(|offer| Some((offer.candidate, placed(beside, offer)?))).collect();
-        for (candidate, placed) in more {
-            let is_known = effects
-                .iter()
-                .any(|(known, other)| *known == candidate && other.term.nonlinear == placed.term.nonlinear);
-            if !is_known {
-                effects.push((candidate, placed));
+        let more: Vec<Placed> = chosen.par_iter().filter_map(|offer| placed(beside, offer)).collect();
+        for placed in more {
+            let is_same = |known: &Placed| {
+                known.term.candidate == placed.term.candidate && known.term.nonlinear == placed.term.nonlinear
+            };
+            if !effects.iter().any(is_same) {
+                effects.push(placed);
             }
         }
     }
     effects
+}
+
+/// A description with an effect more, fitted.
+pub fn with_placed(bench: &Bench<'_>, description: &Description, effect: Placed) -> Option<Description> {
+    let touched = touched_by(&effect);
+    let mut more = description.clone();
+    more.placed.push(effect);
+    bench.fitted(&more, &touched)
 }
 
 /// What makes descriptions the same but for the values of their parameters.

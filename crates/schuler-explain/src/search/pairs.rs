@@ -6,13 +6,11 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::beside::Beside;
-use super::known::Known;
 use super::library::{Offer, Shelf, placed};
-use super::moves::touched_by;
+use super::moves::{Promises, touched_by, with_placed};
 use crate::description::{Delays, Term};
 use crate::evidence::fit::{Bench, Description, Placed};
 use crate::evidence::regressor::Regressor;
-use crate::noise::trust::ln_mean;
 
 /// A constant and what it would be with.
 struct Pair<'s> {
@@ -20,20 +18,12 @@ struct Pair<'s> {
     with: Offer,
 }
 
-/// The best descriptions that have such a pair more in some of the blocks, fitted; what promises less than `behind` the best that is known
-/// is not.
-pub fn with_pairs(
-    bench: &Bench<'_>,
-    library: &[Shelf],
-    known: &Known,
-    description: &Description,
-    among: &[usize],
-    behind: f64,
-) -> Vec<Description> {
+/// The best descriptions that have such a pair more, fitted; what promises less than `behind` the best that is known is not.
+pub fn with_pairs(promises: &Promises<'_>) -> Vec<Description> {
+    let Promises { ways, library, known, among, behind } = *promises;
+    let Some(Beside { bench, description, .. }) = ways.first() else { return Vec::new() };
     let config = bench.problem.config;
-    // A large misfit is not believed where it is a pair that makes it.
-    let ways = [Beside::trusting(bench, description), Beside::as_trusted(bench, description)];
-    let mut pairs: Vec<Pair<'_>> = ways.iter().flatten().flat_map(|way| pairs(way, library, among)).collect();
+    let mut pairs: Vec<Pair<'_>> = ways.iter().flat_map(|way| pairs(way, library, among)).collect();
     pairs.retain(|pair| pair.with.ln_gain > behind - config.within_reach);
     pairs.sort_by(|a, b| {
         b.with.ln_gain.total_cmp(&a.with.ln_gain).then(a.with.candidate.cmp(&b.with.candidate))
@@ -46,14 +36,14 @@ pub fn with_pairs(
         let fitted = of_constants.entry(pair.constant.candidate);
         fitted.or_insert_with(|| with_constant(bench, description, pair.constant));
     }
+    let beside_constants: HashMap<usize, Beside<'_>> = (of_constants.iter())
+        .filter_map(|(&constant, base)| Some((constant, Beside::as_trusted(bench, base.as_ref()?)?)))
+        .collect();
     let with_both = |pair: &Pair<'_>| {
-        let base = of_constants.get(&pair.constant.candidate)?.as_ref()?;
-        let effect = placed(&Beside::as_trusted(bench, base)?, &pair.with)?;
-        let touched = touched_by(&effect);
-        known.if_worth(bench, base, &touched, pair.with.candidate, || {
-            let mut more = base.clone();
-            more.placed.push(effect);
-            bench.fitted(&more, &touched)
+        let beside = beside_constants.get(&pair.constant.candidate)?;
+        let effect = placed(beside, &pair.with)?;
+        known.if_worth(bench, beside.description, &touched_by(&effect), pair.with.candidate, || {
+            with_placed(bench, beside.description, effect.clone())
         })
     };
     pairs.par_iter().filter_map(with_both).collect()
@@ -63,15 +53,11 @@ pub fn with_pairs(
 fn pairs<'s>(beside: &Beside<'_>, library: &'s [Shelf], among: &[usize]) -> Vec<Pair<'s>> {
     let problem = beside.bench.problem;
     let described = beside.described();
-    let is_placed = |shelf: &Shelf| {
-        beside.description.placed.iter().any(|placed| placed.term.candidate == shelf.candidate)
-    };
     let gain = |shelf: &Shelf, regressors: &[Regressor]| {
         beside.ln_gain(&described, regressors, &problem.candidates[shelf.candidate], false)
     };
-    let is_free = |shelf: &&Shelf| {
-        !shelf.is_unit && !is_placed(shelf) && shelf.blocks.iter().any(|block| among.contains(block))
-    };
+    let is_free =
+        |shelf: &&Shelf| !shelf.is_unit && !beside.description.has(shelf.candidate) && shelf.reaches(among);
     let of_constant = |constant: &'s Shelf| {
         let own = &constant.points[0].1;
         let alone = gain(constant, own);
@@ -84,24 +70,13 @@ fn pairs<'s>(beside: &Beside<'_>, library: &'s [Shelf], among: &[usize]) -> Vec<
             shelf.candidate != constant.candidate && candidate.target == *target && candidate.port == port
         };
         let pair = |shelf: &'s Shelf| {
-            let both = |(_, whitened): &(_, Arc<Vec<Regressor>>)| {
-                gain(shelf, &whitened.iter().chain(&**own).cloned().collect::<Vec<Regressor>>())
-            };
-            let gains: Vec<f64> = shelf.points.iter().map(both).collect();
-            let best = (0..gains.len()).max_by(|&a, &b| gains[a].total_cmp(&gains[b]))?;
             let [prior, other] = [shelf, constant].map(|it| problem.ln_prior[it.candidate]);
-            let mean = ln_mean(gains.iter().copied());
-            let (with_both, without) = (mean + prior + other, gain(shelf, &shelf.points[best].1));
-            (with_both > without + prior && with_both > alone + other).then(|| Pair {
-                constant,
-                with: Offer {
-                    candidate: shelf.candidate,
-                    ln_gain: with_both,
-                    blocks: shelf.blocks.clone(),
-                    point: shelf.points[best].0.clone(),
-                    ln_spread: mean - gains[best],
-                },
-            })
+            let with = shelf.offer(prior + other, |whitened| {
+                gain(shelf, &whitened.iter().chain(&**own).cloned().collect::<Vec<Regressor>>())
+            })?;
+            let (_, whitened) = shelf.points.iter().find(|(point, _)| *point == with.point)?;
+            let is_more = with.ln_gain > gain(shelf, whitened) + prior && with.ln_gain > alone + other;
+            is_more.then_some(Pair { constant, with })
         };
         let others: Vec<&Shelf> = library.iter().filter(is_free).filter(goes_with).collect();
         if alone.is_finite() {
@@ -120,9 +95,5 @@ fn with_constant(bench: &Bench<'_>, description: &Description, constant: &Shelf)
     let candidate = &problem.candidates[constant.candidate];
     let term = Term::new(constant.candidate, candidate, &[], problem.time_s());
     let (regressors, ln_spread) = (Arc::clone(&constant.points[0].1), 0.0);
-    let effect = Placed { term, regressors, ln_spread, delays: Delays::default() };
-    let touched = touched_by(&effect);
-    let mut more = description.clone();
-    more.placed.push(effect);
-    bench.fitted(&more, &touched)
+    with_placed(bench, description, Placed { term, regressors, ln_spread, delays: Delays::default() })
 }

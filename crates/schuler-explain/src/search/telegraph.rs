@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use schuler_recording::case::Markov;
 
 use super::beside::Beside;
-use super::moves::touched_by;
+use super::moves::with_placed;
 use crate::catalogue::{Candidate, NoiseChange, Port, Target};
 use crate::description::{Delays, Term};
 use crate::evidence::fit::{Bench, Description, Placed};
@@ -23,9 +23,8 @@ const WORTH_TRYING: f64 = 3.0;
 
 /// The descriptions that have a telegraph beside what is described, fitted.
 pub fn with_telegraph(bench: &Bench<'_>, description: &Description) -> Vec<Description> {
-    let is_placed = |index: usize| description.placed.iter().any(|placed| placed.term.candidate == index);
     let places: Vec<Place> = (bench.problem.candidates.par_iter().enumerate())
-        .filter(|(index, candidate)| candidate.is_jump() && !is_placed(*index))
+        .filter(|(index, candidate)| candidate.is_jump() && !description.has(*index))
         .filter_map(|(index, candidate)| place(bench, description, index, candidate))
         .collect();
     let places = best_of_blocks(places);
@@ -65,10 +64,7 @@ fn described(rows: &OverRows<'_>, place: &Place) -> Option<Description> {
     let term = place.term(&best.on);
     let regressors = Arc::new(whitened(&term));
     let placed = Placed { term, regressors, ln_spread, delays: Delays::default() };
-    let touched = touched_by(&placed);
-    let mut more = description.clone();
-    more.placed.push(placed);
-    bench.fitted(&more, &touched)
+    with_placed(bench, description, placed)
 }
 
 /// What the rates cost: each is known to a part 1/√n by its switchings, and before them it may be anything from once in the record to
