@@ -102,6 +102,7 @@ fn candidate(effect: &'static Effect, sensor: usize, search: Search) -> Candidat
         variant: Vec::new(),
         search,
         amplitudes,
+        noise_factor: 1.0,
     }
 }
 

@@ -196,6 +196,8 @@ struct Turning {
     reference: fn(usize, u32) -> f64,
     /// Standard deviation of a gyro's noise at a row.
     white: fn(u32) -> f64,
+    /// The row of which a row shows the readings.
+    shown: fn(u32) -> u32,
 }
 
 const STEP_S: f64 = 0.01;
@@ -217,7 +219,7 @@ fn true_rate(axis: usize, row: u32) -> f64 {
 
 impl Default for Turning {
     fn default() -> Self {
-        Self { reads: rate, reference: true_rate, white: |_| WHITE }
+        Self { reads: rate, reference: true_rate, white: |_| WHITE, shown: |row| row }
     }
 }
 
@@ -225,11 +227,14 @@ impl Turning {
     fn explained(&self, late_s: f64) -> Explanation {
         let mut random = Pcg64::seed_from_u64(7);
         let mut table = String::from("t,gx,gy,gz,wx,wy,wz\n");
+        let mut of_row = |row: u32| {
+            let time_s = STEP_S * f64::from(row) - late_s;
+            [0, 1, 2].map(|axis| (self.reads)(axis, time_s) + (self.white)(row) * normal(&mut random))
+        };
+        let readings: Vec<[f64; 3]> = (0..6000).map(&mut of_row).collect();
         for row in 0..6000_u32 {
-            let time_s = STEP_S * f64::from(row);
-            write!(table, "{time_s:.2}").expect("a string can be written to");
-            for axis in 0..3 {
-                let reading = (self.reads)(axis, time_s - late_s) + (self.white)(row) * normal(&mut random);
+            write!(table, "{:.2}", STEP_S * f64::from(row)).expect("a string can be written to");
+            for reading in readings[(self.shown)(row) as usize] {
                 write!(table, ",{reading:.7}").expect("a string can be written to");
             }
             let [x, y, z] = [0, 1, 2].map(|axis| (self.reference)(axis, row));
@@ -292,6 +297,38 @@ fn what_is_simply_wrong_is_named_before_any_effect() {
     for (sensor, effect, reads) in all {
         let explanation = Turning { reads, ..Turning::default() }.explained(0.0);
         assert_eq!(only(&explanation), (sensor, effect));
+    }
+}
+
+#[test]
+fn noise_in_a_mistaken_unit_is_no_other_noise() {
+    let reads = |axis: usize, time_s: f64| rate(axis, time_s).to_degrees();
+    let explanation = Turning { reads, white: |_| WHITE.to_degrees(), ..Turning::default() }.explained(0.0);
+    let told: Vec<&str> = explanation.findings.iter().map(|it| it.effect.as_str()).collect();
+    assert_eq!(told, ["unit_mistaken"]);
+}
+
+#[test]
+fn a_late_instrument_in_another_unit_is_both() {
+    let reads = |axis: usize, time_s: f64| rate(axis, time_s).to_degrees();
+    let explanation = Turning { reads, white: |_| WHITE.to_degrees(), ..Turning::default() }.explained(0.04);
+    let mut told: Vec<&str> = physics(&explanation).iter().map(|it| it.effect.as_str()).collect();
+    told.sort_unstable();
+    assert_eq!(told, ["time_delay", "unit_mistaken"]);
+    let (value, sigma) = delay_of(&explanation);
+    assert!((value - 0.04).abs() < 4.0 * sigma, "{value} ± {sigma}");
+}
+
+#[test]
+fn readings_that_are_repeated_again_and_again_are_stuck() {
+    // Eleven rows every two seconds and a half.
+    let shown = |row: u32| if row % 250 < 11 { row - row % 250 } else { row };
+    let explanation = Turning { shown, ..Turning::default() }.explained(0.0);
+    let told: Vec<&str> = explanation.findings.iter().map(|it| it.effect.as_str()).collect();
+    assert_eq!(told, ["output_stuck"; 3]);
+    for finding in &explanation.findings {
+        let count = finding.parameters.iter().find(|it| it.name == "count").and_then(|it| it.value);
+        assert_eq!(count, Some(24.0));
     }
 }
 

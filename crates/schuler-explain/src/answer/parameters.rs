@@ -12,7 +12,7 @@ use crate::evidence::regressor::regressors;
 use crate::evidence::system::Described;
 use crate::exact::telegraph::mean_stays;
 use crate::explanation::{Parameter, is_plausible};
-use crate::noise::{Knob, RowsOfLevel, VarianceStep};
+use crate::noise::{Knob, Noise, RowsOfLevel, VarianceStep};
 use crate::nominal::{Model, Source};
 use crate::search::beside::Beside;
 use crate::search::late::columns_beside;
@@ -339,7 +339,8 @@ fn texts(candidate: &Candidate) -> impl Iterator<Item = Parameter> + '_ {
 /// The parameters of a change of noise, beside what the case states in their place.
 fn of_change(bench: &Bench<'_>, description: &Description, change: &Change) -> Vec<Parameter> {
     let problem = bench.problem;
-    let source = &problem.model.sources[change.source];
+    let (source, stated) =
+        (&problem.model.sources[change.source], description.stated(problem, change.source));
     let Some(index) = problem.model.block_of_source(change.source) else { return Vec::new() };
     let noise = &description.noises[change.source];
     let step = noise.step.filter(|_| change.is_level());
@@ -353,7 +354,7 @@ fn of_change(bench: &Bench<'_>, description: &Description, change: &Change) -> V
         } else {
             sigmas.iter().find(|(of, _)| *of == (change.source, knob)).map(|(_, sigma)| *sigma)
         };
-        parameters.push(of_knob(source, knob, noise.get(knob), relative));
+        parameters.push(of_knob(source, &stated, knob, noise.get(knob), relative));
     }
     parameters.extend(texts(&problem.candidates[change.candidate]));
     parameters
@@ -365,11 +366,11 @@ fn is_replaced(change: NoiseChange, knob: Knob) -> bool {
 }
 
 /// A parameter of the noise of a source, whose standard deviation is a part `relative` of it, beside what the case states.
-fn of_knob(source: &Source, knob: Knob, value: f64, relative: Option<f64>) -> Parameter {
+fn of_knob(source: &Source, stated: &Noise, knob: Knob, value: f64, relative: Option<f64>) -> Parameter {
     // Where the case says nothing of the noise its white level is an estimate, and a change at a time is never stated.
     let is_estimate = source.unknown && knob == Knob::White;
-    let is_stated = !is_estimate && knob != Knob::StepRatio && source.nominal.has_shape(knob);
-    let stated = Some(source.nominal.get(knob)).filter(|stated| is_stated && *stated > 0.0);
+    let is_stated = !is_estimate && knob != Knob::StepRatio && stated.has_shape(knob);
+    let stated = Some(stated.get(knob)).filter(|stated| is_stated && *stated > 0.0);
     let scale = if knob.in_sensor_unit() { source.unit.in_si().recip() } else { 1.0 };
     let unit = if knob.in_sensor_unit() {
         format!("{}{}", source.unit.name(), knob.unit())

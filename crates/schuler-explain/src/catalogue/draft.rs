@@ -250,7 +250,7 @@ impl Draft {
     /// The same at its target.
     pub(super) fn of(self, effect: &'static Effect, target: Target, port: Port) -> Candidate {
         let Self { variant, search, amplitudes } = self;
-        Candidate { effect, target, port, variant, search, amplitudes }
+        Candidate { effect, target, port, variant, search, amplitudes, noise_factor: 1.0 }
     }
 }
 

@@ -73,6 +73,9 @@ pub struct Candidate {
     pub search: Search,
     /// One for each column of the signature.
     pub amplitudes: Vec<Amplitude>,
+    /// What the stated noise of its sensors may be multiplied by where it is: where a reading is in another unit than stated, its
+    /// noise may be, too. 1 of what says nothing of the noise.
+    pub noise_factor: f64,
 }
 
 impl Candidate {

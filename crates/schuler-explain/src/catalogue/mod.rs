@@ -71,6 +71,10 @@ const OF_THE_MOTION: &[&str] = &[
     instrument::BANDWIDTH_LAG.id,
     instrument::LEVER_ARM.id,
     instrument::EARTH_RATE_ATTITUDE.id,
+    setup::SIGN_FLIPPED.id,
+    setup::AXES_SWAPPED.id,
+    setup::UNIT_MISTAKEN.id,
+    setup::GRAVITY_REMOVED.id,
 ];
 
 impl Effect {

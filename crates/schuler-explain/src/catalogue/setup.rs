@@ -127,7 +127,8 @@ pub(super) const UNIT_MISTAKEN: Effect = Effect {
                 let off =
                     |place: &&Place| Some((place.sensor, map(place.input.as_ref()?, |u| (factor - 1.0) * u)));
                 let parts = instrument.places.iter().filter_map(off);
-                found.push(whole(effect, &instrument, parts, Some(("mistaken", name.to_owned()))));
+                let mistaken = whole(effect, &instrument, parts, Some(("mistaken", name.to_owned())));
+                found.push(Candidate { noise_factor: factor.abs(), ..mistaken });
             }
         }
         found
@@ -231,6 +232,7 @@ fn whole<S: Into<Series>>(
         variant: variant.into_iter().collect(),
         search,
         amplitudes: vec![part()],
+        noise_factor: 1.0,
     }
 }
 

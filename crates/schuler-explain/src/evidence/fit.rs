@@ -18,6 +18,7 @@ use crate::noise::fit::{Observed, SourceKnob};
 use crate::noise::trust::ln_mean;
 use crate::noise::weights::{Covariances, Weights};
 use crate::noise::{Knob, Noise};
+use crate::nominal::Source;
 use crate::problem::Problem;
 
 /// A deterministic effect in a description.
@@ -31,9 +32,24 @@ pub struct Placed {
     pub ln_spread: f64,
     /// How late it comes by the delays that are described.
     pub delays: Delays,
+    /// What it multiplies the stated noise of its sensors by.
+    pub noise_factor: f64,
 }
 
 impl Placed {
+    /// An effect that comes in time, in noise as stated.
+    pub fn new(term: Term, regressors: Arc<Vec<Regressor>>, ln_spread: f64) -> Self {
+        Self { term, regressors, ln_spread, delays: Delays::default(), noise_factor: 1.0 }
+    }
+
+    /// Whether it multiplies the noise of a source, of which something is stated.
+    pub fn scales(&self, source: &Source) -> bool {
+        self.noise_factor != 1.0
+            && !source.unknown
+            && source.port == self.term.port
+            && self.term.sensors().contains(&source.sensor)
+    }
+
     /// Places of the columns that nothing else describes.
     fn kept(&self) -> impl Iterator<Item = usize> {
         let kept = |(place, regressor): (usize, &Regressor)| (!regressor.parts.is_empty()).then_some(place);
@@ -113,6 +129,13 @@ impl Description {
     /// Whether a candidate, by its place among all, is among the deterministic effects.
     pub fn has(&self, candidate: usize) -> bool {
         self.placed.iter().any(|placed| placed.term.candidate == candidate)
+    }
+
+    /// The noise of a source as the case states it, in the unit that its readings have by the effects.
+    pub fn stated(&self, problem: &Problem<'_>, source: usize) -> Noise {
+        let source = &problem.model.sources[source];
+        let of_it = |placed: &&Placed| placed.scales(source);
+        source.nominal.times(self.placed.iter().filter(of_it).map(|placed| placed.noise_factor).product())
     }
 
     /// Constants and effects, in the order of the amplitudes.

@@ -137,6 +137,18 @@ impl Noise {
         }
     }
 
+    /// The same of a reading that is multiplied by a factor; the step of the output is that of the digits, which are seen.
+    #[must_use]
+    pub fn times(&self, factor: f64) -> Self {
+        let mut scaled = self.clone();
+        let levels =
+            [&mut scaled.white, &mut scaled.random_walk, &mut scaled.angle, &mut scaled.flicker.sigma];
+        let markov = scaled.markov.iter_mut().map(|part| &mut part.sigma);
+        let cosine = scaled.exp_cos.iter_mut().map(|part| &mut part.sigma);
+        levels.into_iter().chain(markov).chain(cosine).for_each(|level| *level *= factor);
+        scaled
+    }
+
     /// Whether there is none at all.
     pub fn is_none(&self) -> bool {
         self.white == 0.0

@@ -167,7 +167,7 @@ pub fn placed(beside: &Beside<'_>, offer: &Offer) -> Option<Placed> {
     let normal = beside.normal(&beside.described(), &whitened)?;
     let left_out = |(place, _): &(usize, &mut Regressor)| !normal.kept.contains(place);
     whitened.iter_mut().enumerate().filter(left_out).for_each(|(_, it)| *it = Regressor::default());
-    Some(Placed { term, regressors: Arc::new(whitened), ln_spread, delays })
+    Some(Placed { delays, ..Placed::new(term, Arc::new(whitened), ln_spread) })
 }
 
 /// The frequency of a line sought beyond the raster of the scan, which is that of the record's length.

@@ -74,13 +74,16 @@ pub fn without_several(
         }
         take_back(bench, &mut less, &change);
     }
+    for place in (0..description.placed.len()).filter(|&place| !stays(Item::Placed(place))) {
+        let placed = &description.placed[place];
+        scale_noises(bench, &mut less, placed, placed.noise_factor.recip());
+    }
     bench.fitted(&less, &touched)
 }
 
 /// Takes the parts of a change out of the noises; what the case states comes back.
 pub fn take_back(bench: &Bench<'_>, description: &mut Description, change: &Change) {
-    let source = &bench.problem.model.sources[change.source];
-    let mut noise = source.nominal.clone();
+    let mut noise = description.stated(bench.problem, change.source);
     let stays = description.changes.iter().filter(|other| other.source == change.source);
     let nuisances = description.nuisances.iter().filter(|(source, _)| *source == change.source);
     let current = description.noises[change.source].clone();
@@ -154,7 +157,7 @@ pub fn with_one_more(
     let behind = best - description.ln_evidence;
     let with_effect = |placed: &Placed| {
         known.if_worth(bench, description, &touched_by(placed), placed.term.candidate, || {
-            with_placed(bench, description, placed.clone())
+            with_placed(bench, description, placed)
         })
     };
     let is_robust = description.blocks.iter().flatten().any(|fit| fit.nu.is_finite());
@@ -233,12 +236,33 @@ fn effects(promises: &Promises<'_>) -> Vec<Placed> {
     effects
 }
 
-/// A description with an effect more, fitted.
-pub fn with_placed(bench: &Bench<'_>, description: &Description, effect: Placed) -> Option<Description> {
-    let touched = touched_by(&effect);
-    let mut more = description.clone();
-    more.placed.push(effect);
-    bench.fitted(&more, &touched)
+/// A description with an effect more, fitted; with the noise of its sensors as stated or multiplied by what the effect says of it,
+/// whichever is likelier.
+pub fn with_placed(bench: &Bench<'_>, description: &Description, effect: &Placed) -> Option<Description> {
+    let touched = touched_by(effect);
+    let factor = bench.problem.candidates[effect.term.candidate].noise_factor;
+    let with = |noise_factor: f64| {
+        let effect = Placed { noise_factor, ..effect.clone() };
+        let mut more = description.clone();
+        scale_noises(bench, &mut more, &effect, noise_factor);
+        more.placed.push(effect);
+        bench.fitted(&more, &touched)
+    };
+    let as_stated = with(1.0);
+    if factor == 1.0 {
+        return as_stated;
+    }
+    let all = [as_stated, with(factor)].into_iter().flatten();
+    all.max_by(|a, b| a.ln_evidence.total_cmp(&b.ln_evidence))
+}
+
+/// Multiplies the noises that an effect scales.
+fn scale_noises(bench: &Bench<'_>, description: &mut Description, effect: &Placed, factor: f64) {
+    for (source, noise) in bench.problem.model.sources.iter().zip(&mut description.noises) {
+        if effect.scales(source) {
+            *noise = noise.times(factor);
+        }
+    }
 }
 
 /// What makes descriptions the same but for the values of their parameters.

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::beside::Beside;
 use super::library::{Offer, Shelf, placed};
 use super::moves::{Promises, touched_by, with_placed};
-use crate::description::{Delays, Term};
+use crate::description::Term;
 use crate::evidence::fit::{Bench, Description, Placed};
 use crate::evidence::regressor::Regressor;
 
@@ -43,7 +43,7 @@ pub fn with_pairs(promises: &Promises<'_>) -> Vec<Description> {
         let beside = beside_constants.get(&pair.constant.candidate)?;
         let effect = placed(beside, &pair.with)?;
         known.if_worth(bench, beside.description, &touched_by(&effect), pair.with.candidate, || {
-            with_placed(bench, beside.description, effect.clone())
+            with_placed(bench, beside.description, &effect)
         })
     };
     pairs.par_iter().filter_map(with_both).collect()
@@ -95,5 +95,5 @@ fn with_constant(bench: &Bench<'_>, description: &Description, constant: &Shelf)
     let candidate = &problem.candidates[constant.candidate];
     let term = Term::new(constant.candidate, candidate, &[], problem.time_s());
     let (regressors, ln_spread) = (Arc::clone(&constant.points[0].1), 0.0);
-    with_placed(bench, description, Placed { term, regressors, ln_spread, delays: Delays::default() })
+    with_placed(bench, description, &Placed::new(term, regressors, ln_spread))
 }

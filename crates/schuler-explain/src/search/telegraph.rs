@@ -7,7 +7,7 @@ use schuler_recording::case::Markov;
 use super::beside::Beside;
 use super::moves::with_placed;
 use crate::catalogue::{Candidate, NoiseChange, Port, Target};
-use crate::description::{Delays, Term};
+use crate::description::Term;
 use crate::evidence::fit::{Bench, Description, Placed};
 use crate::evidence::regressor::regressors;
 use crate::evidence::system::System;
@@ -63,8 +63,8 @@ fn described(rows: &OverRows<'_>, place: &Place) -> Option<Description> {
         (best.gain - of_history).min(0.0) + (as_loud - of_history).min(0.0) + ln_cost_of_rates(bench, &best);
     let term = place.term(&best.on);
     let regressors = Arc::new(whitened(&term));
-    let placed = Placed { term, regressors, ln_spread, delays: Delays::default() };
-    with_placed(bench, description, placed)
+    let placed = Placed::new(term, regressors, ln_spread);
+    with_placed(bench, description, &placed)
 }
 
 /// What the rates cost: each is known to a part 1/√n by its switchings, and before them it may be anything from once in the record to
