@@ -24,69 +24,81 @@ pub(super) fn same_at_rest(step: f64, white: f64) -> f64 {
     if step > 0.0 && white > 0.0 { erf(step / (8.0_f64.sqrt() * white)) } else { 0.0 }
 }
 
-/// The longest run of equal readings.
+/// A run of equal readings.
+#[derive(Clone, Copy)]
+struct Run {
+    /// Row of its first reading, which may be the last that was live.
+    first: usize,
+    /// Row of its last reading.
+    last: usize,
+    /// How many of its readings equal the one before.
+    equal: usize,
+}
+
+/// The runs of equal readings that are no chance: of all that are as long or longer than one, each would be seen in so many readings
+/// with a probability of e⁻²⁰ at most, where others are equal as often as outside of them.
 pub(super) fn stuck(sensor: usize, values: &[f64], repeats: Repeats, mask: &mut [bool]) -> Option<Fault> {
-    let mut longest = (0, 0);
-    let (mut equal, mut pairs) = (0usize, 0usize);
-    let mut start = 0;
-    let mut last: Option<f64> = None;
-    for (row, &value) in values.iter().enumerate() {
-        if !value.is_finite() {
-            continue;
-        }
-        // Two alike on both sides of a stay at a limit are no run.
-        if mask[row] {
-            last = None;
-            continue;
-        }
-        if let Some(before) = last {
-            pairs += 1;
-            if before == value {
-                equal += 1;
-                if row - start > longest.1 - longest.0 {
-                    longest = (start, row);
-                }
-            } else {
-                start = row;
-            }
-        } else {
-            start = row;
-        }
-        last = Some(value);
-    }
-    let (first, end) = longest;
-    let length = values[first..end].iter().filter(|value| value.is_finite()).count();
-    if length < SHORTEST_RUN {
-        return None;
-    }
+    let (mut runs, pairs) = runs(values, mask);
+    let onset = |run: &Run| ("onset_s", run.first as f64, false);
     let present = values.iter().filter(|value| value.is_finite()).count();
-    if length + 1 >= present {
+    runs.retain(|run| run.equal > 0);
+    runs.sort_by_key(|run| std::cmp::Reverse(run.equal));
+    let longest = runs.first().filter(|run| run.equal >= SHORTEST_RUN)?;
+    if longest.equal + 1 >= present {
         // It never moved at all.
         mask.fill(true);
         return repeats.moves.then(|| Fault {
             sensor,
             fault: ReadingFault::Stuck,
             evidence: present as f64,
-            rows: (first, end + 1),
-            parameters: vec![("onset_s", first as f64, false)],
+            rows: (longest.first, longest.last + 1),
+            parameters: vec![onset(longest)],
         });
     }
-    let outside = pairs.saturating_sub(length);
-    let elsewhere = (equal.saturating_sub(length) as f64 + 1.0) / (outside as f64 + 2.0);
-    // A record that moves most of the time says nothing of how readings repeat where it stands still.
-    let p = elsewhere.max(repeats.at_rest);
-    let evidence = -(pairs as f64).ln() - length as f64 * p.ln();
-    if evidence < LEAST_STUCK {
-        return None;
+    let equal: usize = runs.iter().map(|run| run.equal).sum();
+    let evidence = |number: usize| {
+        let within: usize = runs[..number].iter().map(|run| run.equal).sum();
+        let elsewhere = ((equal - within) as f64 + 1.0) / (pairs.saturating_sub(within) as f64 + 2.0);
+        // A record that moves most of the time says nothing of how readings repeat where it stands still.
+        let p = elsewhere.max(repeats.at_rest);
+        -(pairs as f64).ln() - runs[number - 1].equal as f64 * p.ln()
+    };
+    let is_last_of_its_length =
+        |&number: &usize| runs.get(number).is_none_or(|next| next.equal < runs[number - 1].equal);
+    let number = (1..=runs.iter().take_while(|run| run.equal >= SHORTEST_RUN).count())
+        .filter(is_last_of_its_length)
+        .rfind(|&number| evidence(number) >= LEAST_STUCK)?;
+    let mut stays = runs[..number].to_vec();
+    stays.sort_by_key(|run| run.first);
+    for run in &stays {
+        mask[run.first..=run.last].fill(true);
     }
-    mask[first..=end].fill(true);
-    Some(Fault {
-        sensor,
-        fault: ReadingFault::Stuck,
-        evidence,
-        rows: (first, end + 1),
-        parameters: vec![("onset_s", first as f64, false)],
-    })
+    let mut parameters = vec![onset(&stays[0])];
+    if number > 1 {
+        parameters.push(("count", number as f64, false));
+    }
+    let rows = (stays[0].first, stays[number - 1].last + 1);
+    Some(Fault { sensor, fault: ReadingFault::Stuck, evidence: evidence(number), rows, parameters })
+}
+
+/// The runs of equal readings, those of one reading among them, and the number of pairs of neighbours.
+fn runs(values: &[f64], mask: &[bool]) -> (Vec<Run>, usize) {
+    let (mut runs, mut pairs): (Vec<Run>, usize) = (Vec::new(), 0);
+    let mut before: Option<f64> = None;
+    for (row, &value) in values.iter().enumerate().filter(|(_, value)| value.is_finite()) {
+        // Two alike on both sides of a stay at a limit are no run.
+        if mask[row] {
+            before = None;
+            continue;
+        }
+        pairs += usize::from(before.is_some());
+        match runs.last_mut().filter(|_| before == Some(value)) {
+            Some(run) => (run.last, run.equal) = (row, run.equal + 1),
+            None => runs.push(Run { first: row, last: row, equal: 0 }),
+        }
+        before = Some(value);
+    }
+    (runs, pairs)
 }
 
 #[cfg(test)]
@@ -119,5 +131,27 @@ mod tests {
         assert_eq!(run(17), Some((1983, 2000)));
         assert_eq!(run(6), Some((1994, 2000)));
         assert_eq!(run(4), None);
+    }
+
+    /// An output that is stuck again and again is, each time; a coarse one that repeats itself for as long as chance makes it does not.
+    #[test]
+    fn every_stay_is_found() {
+        let mut values: Vec<f64> = (0..3000).map(|k| f64::from((k * 7919) % 2999)).collect();
+        for stay in 0..25 {
+            let held = values[100 * stay];
+            values[100 * stay..100 * stay + 11].fill(held);
+        }
+        let repeats = Repeats { moves: true, at_rest: 0.0 };
+        let mut mask = vec![false; values.len()];
+        let fault = stuck(0, &values, repeats, &mut mask).expect("it is stuck");
+        assert_eq!((fault.rows, fault.parameters[1]), ((0, 2411), ("count", 25.0, false)));
+        assert_eq!(mask.iter().filter(|masked| **masked).count(), 25 * 11);
+        let mut state = 1_u32;
+        let mut coarse = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            f64::from(state >> 31)
+        };
+        let values: Vec<f64> = (0..20_000).map(|_| coarse()).collect();
+        assert!(stuck(0, &values, repeats, &mut vec![false; values.len()]).is_none());
     }
 }
