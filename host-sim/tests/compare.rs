@@ -79,6 +79,27 @@ fn two_tables_become_a_case_that_is_explained() {
 }
 
 #[test]
+fn the_unit_of_stamps_and_an_uneven_step_are_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let reading = |row: i32| (0.01 * f64::from(row)).sin() + 0.1 * noise(row as usize);
+    let mut sim = "time_ms,rate\n".to_owned();
+    let mut real = "time_ms,rate\n".to_owned();
+    for row in 0..2000 {
+        writeln!(sim, "{},{}", 10 * row, (0.01 * f64::from(row)).sin()).unwrap();
+        // Intervals of 5 and 15 ms in turn, and once more of 5.
+        writeln!(real, "{},{}", 10 * row - 5 * (row % 2), reading(row)).unwrap();
+    }
+    std::fs::write(at.join("sim.csv"), sim).unwrap();
+    std::fs::write(at.join("real.csv"), real).unwrap();
+    let output = schuler(at, &["compare", "sim.csv", "real.csv", "--only-case", "--json", "--quiet"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let said = text(&output.stdout);
+    assert!(said.contains("the stamps are taken for ms"), "{said}");
+    assert!(said.contains("a row each 0.005000 s by the median, 0.009997 s on the mean"), "{said}");
+}
+
+#[test]
 fn what_cannot_be_compared_is_said_and_nothing_is_written() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();

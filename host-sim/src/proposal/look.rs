@@ -30,6 +30,9 @@ const TIMES: [&str; 14] = [
 /// Rows that are read to learn what a table holds are all of it, but of its columns no more than this many.
 const MOST_COLUMNS: usize = 400;
 
+/// Part of the median step by which the mean may differ without a word.
+const ANOTHER_MEAN: f64 = 0.01;
+
 /// What is known of a table.
 #[derive(Clone, Debug)]
 pub struct Look {
@@ -39,6 +42,8 @@ pub struct Look {
     pub time: String,
     /// Unit of its stamps.
     pub time_unit: TimeUnit,
+    /// Why they are taken for that, where it is not seconds or may not be.
+    pub why_unit: Option<String>,
     /// First and last time, s.
     pub span_s: [f64; 2],
     /// Median distance of rows, s.
@@ -83,13 +88,14 @@ pub fn look_at(path: &Path, time: Option<&str>) -> Result<Look, Error> {
     let at = time_of(&names, &columns.values, time)
         .map_err(|message| Error::one(path, Problem::new(None, time.unwrap_or_default(), message)))?;
     let stamps = &columns.values[at];
-    let (time_unit, _) = unit_of_stamps(&names[at], stamps);
+    let (time_unit, why_unit) = unit_of_stamps(&names[at], stamps);
     let seconds: Vec<f64> =
         stamps.iter().filter(|stamp| stamp.is_finite()).map(|stamp| stamp * time_unit.in_seconds()).collect();
     let mut look = Look {
         path: path.to_owned(),
         time: names[at].clone(),
         time_unit,
+        why_unit,
         span_s: [seconds.first(), seconds.last()].map(|time| time.copied().unwrap_or_default()),
         step_s: median_step(&seconds),
         rows: columns.rows(),
@@ -200,8 +206,16 @@ fn median_step(seconds: &[f64]) -> f64 {
 /// A table in a sentence.
 pub fn said(look: &Look) -> String {
     let [from, to] = look.span_s;
+    let mean_s = (to - from) / (look.rows.max(2) - 1) as f64;
+    // Rows that come in bursts, or are lost, have a mean of their own.
+    let mean = if (mean_s - look.step_s).abs() > ANOTHER_MEAN * look.step_s {
+        format!(" by the median, {mean_s:.6} s on the mean")
+    } else {
+        String::new()
+    };
+    let why = look.why_unit.as_ref().map(|why| format!("; {why}")).unwrap_or_default();
     format!(
-        "{}: {} rows, {from:.6} to {to:.6} s by {}, a row each {:.6} s",
+        "{}: {} rows, {from:.6} to {to:.6} s by {}, a row each {:.6} s{mean}{why}",
         look.path.display(),
         look.rows,
         look.time,

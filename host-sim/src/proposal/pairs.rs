@@ -150,6 +150,7 @@ mod tests {
             path: PathBuf::from("x.csv"),
             time: "t".to_owned(),
             time_unit: TimeUnit::Second,
+            why_unit: None,
             span_s: [0.0, 1.0],
             step_s: 1.0,
             rows: 2,
