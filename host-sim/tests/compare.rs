@@ -87,7 +87,7 @@ fn the_unit_of_stamps_and_an_uneven_step_are_said() {
     let mut real = "time_ms,rate\n".to_owned();
     for row in 0..2000 {
         writeln!(sim, "{},{}", 10 * row, (0.01 * f64::from(row)).sin()).unwrap();
-        // Intervals of 5 and 15 ms in turn, and once more of 5.
+        // Intervals of 5 and 15 ms in turn; of 5 there is one more, which makes that the median.
         writeln!(real, "{},{}", 10 * row - 5 * (row % 2), reading(row)).unwrap();
     }
     std::fs::write(at.join("sim.csv"), sim).unwrap();

@@ -30,7 +30,7 @@ const TIMES: [&str; 14] = [
 /// Rows that are read to learn what a table holds are all of it, but of its columns no more than this many.
 const MOST_COLUMNS: usize = 400;
 
-/// Part of the median step by which the mean may differ without a word.
+/// Difference between mean and median step, as a part of the median, from which on both are told.
 const ANOTHER_MEAN: f64 = 0.01;
 
 /// What is known of a table.
@@ -207,7 +207,7 @@ fn median_step(seconds: &[f64]) -> f64 {
 pub fn said(look: &Look) -> String {
     let [from, to] = look.span_s;
     let mean_s = (to - from) / (look.rows.max(2) - 1) as f64;
-    // Rows that come in bursts, or are lost, have a mean of their own.
+    // They differ where rows come in bursts or are lost.
     let mean = if (mean_s - look.step_s).abs() > ANOTHER_MEAN * look.step_s {
         format!(" by the median, {mean_s:.6} s on the mean")
     } else {

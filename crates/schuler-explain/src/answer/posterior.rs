@@ -7,7 +7,7 @@ use crate::noise::trust::ln_sum;
 use crate::search::beam::Beam;
 use crate::search::beside::Beside;
 use crate::search::library::{Shelf, offers};
-use crate::search::moves::{Item, candidate_of, items, reached_by, structure};
+use crate::search::moves::{Item, Structure, candidate_of, items, reached_by, structure};
 use crate::search::scans::scans;
 
 /// What an item may be.
@@ -100,8 +100,6 @@ fn not_fitted(bench: &Bench<'_>, library: &[Shelf], best: &Description, item: It
         .filter(|(_, ln_evidence)| ln_evidence.is_finite())
         .collect()
 }
-
-type Structure = Vec<(usize, Vec<String>)>;
 
 /// The structure of a description without an item.
 fn structure_without(description: &Description, item: Item) -> Structure {

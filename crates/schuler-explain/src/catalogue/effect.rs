@@ -73,8 +73,8 @@ pub struct Candidate {
     pub search: Search,
     /// One for each column of the signature.
     pub amplitudes: Vec<Amplitude>,
-    /// What the stated noise of its sensors may be multiplied by where it is: where a reading is in another unit than stated, its
-    /// noise may be, too. 1 of what says nothing of the noise.
+    /// Factor between the stated noise of its sensors and the one that they may have with this effect: readings in a mistaken unit may
+    /// have their noise stated in the right one. 1 of effects that say nothing of the noise.
     pub noise_factor: f64,
 }
 

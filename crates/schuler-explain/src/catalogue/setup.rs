@@ -128,7 +128,7 @@ pub(super) const UNIT_MISTAKEN: Effect = Effect {
                     |place: &&Place| Some((place.sensor, map(place.input.as_ref()?, |u| (factor - 1.0) * u)));
                 let parts = instrument.places.iter().filter_map(off);
                 let mistaken = whole(effect, &instrument, parts, Some(("mistaken", name.to_owned())));
-                found.push(Candidate { noise_factor: factor.abs(), ..mistaken });
+                found.push(Candidate { noise_factor: factor, ..mistaken });
             }
         }
         found

@@ -32,17 +32,17 @@ pub struct Placed {
     pub ln_spread: f64,
     /// How late it comes by the delays that are described.
     pub delays: Delays,
-    /// What it multiplies the stated noise of its sensors by.
+    /// Factor by which it multiplies the stated noise of its sensors; 1 where it leaves that as it is.
     pub noise_factor: f64,
 }
 
 impl Placed {
-    /// An effect that comes in time, in noise as stated.
+    /// An effect that no delay moves and that leaves the stated noise as it is.
     pub fn new(term: Term, regressors: Arc<Vec<Regressor>>, ln_spread: f64) -> Self {
         Self { term, regressors, ln_spread, delays: Delays::default(), noise_factor: 1.0 }
     }
 
-    /// Whether it multiplies the noise of a source, of which something is stated.
+    /// Whether it multiplies the noise of a source; where nothing is stated there is nothing to multiply.
     pub fn scales(&self, source: &Source) -> bool {
         self.noise_factor != 1.0
             && !source.unknown
@@ -131,7 +131,7 @@ impl Description {
         self.placed.iter().any(|placed| placed.term.candidate == candidate)
     }
 
-    /// The noise of a source as the case states it, in the unit that its readings have by the effects.
+    /// The noise of a source as the case states it, times what the effects multiply it by.
     pub fn stated(&self, problem: &Problem<'_>, source: usize) -> Noise {
         let source = &problem.model.sources[source];
         let of_it = |placed: &&Placed| placed.scales(source);

@@ -2,7 +2,7 @@
 //!
 //! They are sought before anything else, and the readings that they spoil are missing from then on: a single spike
 //! would breed findings of every kind. Evidence is −ln of a probability on the safe side:
-//! - stuck: a run of L equal readings, where neighbours are equal with the probability p elsewhere: N pᴸ;
+//! - stuck: runs of L equal readings or more, where neighbours are equal with the probability p outside of them: N pᴸ;
 //! - clipped: more readings at the extreme value than at the next, which in a tail are fewer: binomial with ½; or more
 //!   that are equal than coincide elsewhere;
 //! - coarse: all readings on a lattice coarser than nominal, and than the noise or than so many readings let pass unseen;

@@ -31,17 +31,18 @@ struct Run {
     first: usize,
     /// Row of its last reading.
     last: usize,
-    /// How many of its readings equal the one before.
+    /// How many of its readings equal the one before; 1 at least.
     equal: usize,
 }
 
-/// The runs of equal readings that are no chance: of all that are as long or longer than one, each would be seen in so many readings
-/// with a probability of e⁻²⁰ at most, where others are equal as often as outside of them.
+/// The runs of equal readings that are too long for chance, as one fault.
+///
+/// Neighbours are equal by chance as often as they are outside of the runs. Which runs these are is decided by length: all down to the
+/// shortest length of which chance would still show a run in the whole record with a probability of e⁻²⁰ at most.
 pub(super) fn stuck(sensor: usize, values: &[f64], repeats: Repeats, mask: &mut [bool]) -> Option<Fault> {
     let (mut runs, pairs) = runs(values, mask);
     let onset = |run: &Run| ("onset_s", run.first as f64, false);
     let present = values.iter().filter(|value| value.is_finite()).count();
-    runs.retain(|run| run.equal > 0);
     runs.sort_by_key(|run| std::cmp::Reverse(run.equal));
     let longest = runs.first().filter(|run| run.equal >= SHORTEST_RUN)?;
     if longest.equal + 1 >= present {
@@ -81,22 +82,24 @@ pub(super) fn stuck(sensor: usize, values: &[f64], repeats: Repeats, mask: &mut 
     Some(Fault { sensor, fault: ReadingFault::Stuck, evidence: evidence(number), rows, parameters })
 }
 
-/// The runs of equal readings, those of one reading among them, and the number of pairs of neighbours.
+/// The runs of equal readings, and the number of pairs of neighbours.
 fn runs(values: &[f64], mask: &[bool]) -> (Vec<Run>, usize) {
     let (mut runs, mut pairs): (Vec<Run>, usize) = (Vec::new(), 0);
-    let mut before: Option<f64> = None;
+    let mut before: Option<(usize, f64)> = None;
     for (row, &value) in values.iter().enumerate().filter(|(_, value)| value.is_finite()) {
         // Two alike on both sides of a stay at a limit are no run.
         if mask[row] {
             before = None;
             continue;
         }
-        pairs += usize::from(before.is_some());
-        match runs.last_mut().filter(|_| before == Some(value)) {
-            Some(run) => (run.last, run.equal) = (row, run.equal + 1),
-            None => runs.push(Run { first: row, last: row, equal: 0 }),
+        if let Some((first, other)) = before.replace((row, value)) {
+            pairs += 1;
+            match runs.last_mut().filter(|run| run.last == first) {
+                _ if other != value => {}
+                Some(run) => (run.last, run.equal) = (row, run.equal + 1),
+                None => runs.push(Run { first, last: row, equal: 1 }),
+            }
         }
-        before = Some(value);
     }
     (runs, pairs)
 }

@@ -137,7 +137,7 @@ impl Noise {
         }
     }
 
-    /// The same of a reading that is multiplied by a factor; the step of the output is that of the digits, which are seen.
+    /// The noise of readings that are this factor times as large. The step of the output stays: it is seen in the readings themselves.
     #[must_use]
     pub fn times(&self, factor: f64) -> Self {
         let mut scaled = self.clone();

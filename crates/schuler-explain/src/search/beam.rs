@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::known::Known;
 use super::library::Shelf;
 use super::moves::{
-    Item, candidate_of, items, reached_by, structure, with_one_more, without, without_several,
+    Item, Structure, candidate_of, items, reached_by, structure, with_one_more, without, without_several,
 };
 use super::telegraph::with_telegraph;
 use crate::catalogue::Search;
@@ -19,9 +19,6 @@ pub struct Beam {
     /// Structure and evidence of descriptions of the record whitened otherwise.
     pub others: Vec<(Structure, f64)>,
 }
-
-/// What makes descriptions the same but for the values of their parameters.
-pub type Structure = Vec<(usize, Vec<String>)>;
 
 /// Searches from a description on: of the best that are not expanded yet the neighbours are fitted, those with an item more, less, or
 /// another in its place, until none of the best is left.

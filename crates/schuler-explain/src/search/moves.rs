@@ -66,6 +66,12 @@ pub fn without_several(
         .filter(|&(place, _)| stays(Item::Placed(place)))
         .map(|(_, placed)| placed.clone())
         .collect();
+    // Before the changes are taken back, which leaves the noise as it is stated beside the effects that stay.
+    for (place, placed) in description.placed.iter().enumerate() {
+        if !stays(Item::Placed(place)) {
+            scale_noises(bench, &mut less, placed, placed.noise_factor.recip());
+        }
+    }
     for place in (0..description.changes.len()).rev().filter(|&place| !stays(Item::Change(place))) {
         let change = less.changes.remove(place);
         // The record is whitened by a level, so that it stays.
@@ -73,10 +79,6 @@ pub fn without_several(
             return None;
         }
         take_back(bench, &mut less, &change);
-    }
-    for place in (0..description.placed.len()).filter(|&place| !stays(Item::Placed(place))) {
-        let placed = &description.placed[place];
-        scale_noises(bench, &mut less, placed, placed.noise_factor.recip());
     }
     bench.fitted(&less, &touched)
 }
@@ -160,13 +162,10 @@ pub fn with_one_more(
             with_placed(bench, description, placed)
         })
     };
+    // Where the noise is trusted little a large misfit counts little, even one that an effect would take away: both ways are tried.
     let is_robust = description.blocks.iter().flatten().any(|fit| fit.nu.is_finite());
-    // A large misfit is not believed where it is what is sought that makes it.
-    let mut ways = vec![Beside::trusting(bench, description)];
-    if is_robust {
-        ways.push(Beside::as_trusted(bench, description));
-    }
-    let ways: Vec<Beside<'_>> = ways.into_iter().flatten().collect();
+    let as_trusted = is_robust.then(|| Beside::as_trusted(bench, description)).flatten();
+    let ways: Vec<Beside<'_>> = Beside::trusting(bench, description).into_iter().chain(as_trusted).collect();
     let promises = Promises { ways: &ways, library, known, among, behind };
     let mut all: Vec<Description> = effects(&promises).par_iter().filter_map(with_effect).collect();
     all.extend(with_pairs(&promises));
@@ -185,9 +184,9 @@ pub fn with_one_more(
     all
 }
 
-/// What effects are sought by: what they would add beside one description.
+/// Where effects that would improve a description are sought.
 pub struct Promises<'p> {
-    /// Beside the description by full trust in the noise, and by the description's own where that is another.
+    /// The description under full trust in its noise, and under its own trust where that is another.
     pub ways: &'p [Beside<'p>],
     /// All signatures of fixed shape.
     pub library: &'p [Shelf],
@@ -236,8 +235,8 @@ fn effects(promises: &Promises<'_>) -> Vec<Placed> {
     effects
 }
 
-/// A description with an effect more, fitted; with the noise of its sensors as stated or multiplied by what the effect says of it,
-/// whichever is likelier.
+/// A description with an effect more, fitted; with the stated noise of its sensors as it is or times the effect's factor, whichever is
+/// likelier.
 pub fn with_placed(bench: &Bench<'_>, description: &Description, effect: &Placed) -> Option<Description> {
     let touched = touched_by(effect);
     let factor = bench.problem.candidates[effect.term.candidate].noise_factor;
@@ -265,14 +264,18 @@ fn scale_noises(bench: &Bench<'_>, description: &mut Description, effect: &Place
     }
 }
 
-/// What makes descriptions the same but for the values of their parameters.
-pub fn structure(description: &Description) -> Vec<(usize, Vec<String>)> {
+/// What makes descriptions the same but for the values of their parameters: their candidates, each with the noise parameters that it
+/// changes.
+pub type Structure = Vec<(usize, Vec<String>)>;
+
+/// The structure of a description.
+pub fn structure(description: &Description) -> Structure {
     let placed = description.placed.iter().map(|placed| (placed.term.candidate, Vec::new()));
     let changes = description
         .changes
         .iter()
         .map(|change| (change.candidate, change.knobs.iter().map(|knob| format!("{knob:?}")).collect()));
-    let mut all: Vec<(usize, Vec<String>)> = placed.chain(changes).collect();
+    let mut all: Structure = placed.chain(changes).collect();
     all.sort();
     all
 }
