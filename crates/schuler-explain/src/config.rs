@@ -39,7 +39,7 @@ pub struct Config {
     pub expanded: usize,
     /// Nats behind the best at which a description is not expanded any more.
     pub expanded_within: f64,
-    /// Most items in a description.
+    /// Items of a description that reach one block, at most.
     pub most_items: usize,
     /// Rows before and after an onset, at least.
     pub least_segment: usize,

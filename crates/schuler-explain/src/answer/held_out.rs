@@ -92,7 +92,7 @@ pub fn hold_out(whole: &Bench<'_>, before: &Description, after: &Description) ->
     let judged: Vec<[(Goodness, usize); 2]> = [before, after]
         .into_par_iter()
         .map(|description| {
-            let bench = Bench::new(&problem, &description.noises);
+            let bench = Bench::new(&problem, &description.noises, whole.resolved.clone());
             let start = whitened_again(&bench, description);
             let fitted = bench.fitted_whole(&start).map(|it| polished(&bench, &it));
             // What cannot be told from a part of the record stays as it is.

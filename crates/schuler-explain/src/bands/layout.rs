@@ -17,12 +17,21 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// Bands of `rows` coefficients: the first `single` by themselves, then of a constant `ratio`.
-    pub fn new(rows: usize, single: usize, ratio: f64) -> Self {
+    /// Bands of `rows` coefficients: the first `single` by themselves, then of a constant `ratio`; about the frequencies `resolved`, rad a
+    /// row, narrower ones, each as wide as it is away.
+    pub fn new(rows: usize, single: usize, ratio: f64, resolved: &[f64]) -> Self {
         let mut edges: Vec<usize> = (0..=single.min(rows)).collect();
         while let Some(&last) = edges.last().filter(|last| **last < rows) {
             edges.push(((last as f64 * ratio).ceil() as usize).max(last + 1).min(rows));
         }
+        for omega in resolved {
+            let middle = (omega * rows as f64 / PI).round().clamp(0.0, rows as f64) as usize;
+            let about = std::iter::successors(Some(1), |away| Some(2 * away))
+                .take_while(|away| (*away as f64) < (ratio - 1.0) * middle as f64);
+            edges.extend(about.flat_map(|away| [middle.saturating_sub(away), (middle + away).min(rows)]));
+        }
+        edges.sort_unstable();
+        edges.dedup();
         let middle = |pair: &[usize]| {
             let (first, last) = (pair[0] as f64, pair[1] as f64 - 1.0);
             PI / rows as f64 * (first.max(0.5) * last.max(0.5)).sqrt()
@@ -34,6 +43,13 @@ impl Layout {
             transform: DctPlanner::new().plan_dct2(rows),
             rows,
         }
+    }
+
+    /// The band of a frequency, rad a row.
+    pub fn band_of(&self, omega: f64) -> usize {
+        let coefficient = (omega * self.rows as f64 / PI) as usize;
+        let band = self.edges.partition_point(|edge| *edge <= coefficient).saturating_sub(1);
+        band.min(self.bands().saturating_sub(1))
     }
 
     /// Number of bands.
@@ -100,7 +116,7 @@ mod tests {
     #[test]
     fn the_transform_is_orthonormal_and_inverse_to_itself() {
         let rows = 150;
-        let layout = Layout::new(rows, 8, 1.2);
+        let layout = Layout::new(rows, 8, 1.2, &[]);
         let values: Vec<f64> = (0..rows).map(|row| (0.37 * row as f64).sin() + 0.01 * row as f64).collect();
         let mut there = values.clone();
         layout.transform(&mut there);
@@ -110,5 +126,16 @@ mod tests {
         assert!(there.iter().zip(&values).all(|(a, b)| (a - b).abs() < 1e-12));
         assert_eq!(layout.edges.last(), Some(&rows));
         assert_eq!(layout.count.iter().sum::<f64>(), rows as f64);
+    }
+
+    #[test]
+    fn bands_are_narrow_about_what_is_resolved() {
+        let omega = 1.0;
+        let (wide, narrow) = (Layout::new(10_000, 8, 1.2, &[]), Layout::new(10_000, 8, 1.2, &[omega]));
+        let width = |layout: &Layout, omega: f64| layout.count[layout.band_of(omega)];
+        assert!(width(&wide, omega) > 100.0);
+        assert!(width(&narrow, omega) <= 2.0);
+        assert_eq!(width(&narrow, 2.0), width(&wide, 2.0));
+        assert_eq!(narrow.count.iter().sum::<f64>(), 10_000.0);
     }
 }

@@ -9,6 +9,8 @@ use std::sync::{Arc, PoisonError, RwLock};
 use nalgebra::{DMatrix, DVector};
 
 use super::layout::Layout;
+use super::onsets::Onsets;
+use crate::catalogue::{OnsetShape, Port};
 use crate::config::Config;
 use crate::noise::Noise;
 use crate::nominal::Block;
@@ -40,6 +42,7 @@ struct Store {
     by_content: HashMap<(u64, usize), SeriesId>,
     entries: Vec<Arc<Entry>>,
     products: HashMap<(SeriesId, SeriesId), Arc<[f64]>>,
+    onsets: HashMap<(Port, OnsetShape), Option<Arc<Onsets>>>,
 }
 
 /// The sums of a block.
@@ -67,10 +70,11 @@ pub struct Sums {
 }
 
 impl Sums {
-    /// The sums of a block under the noises of all sources; none where they are singular.
-    pub fn new(block: &Block, noises: &[Noise], config: &Config) -> Option<Self> {
+    /// The sums of a block under the noises of all sources, with narrow bands about the frequencies `resolved`, rad a row; none where the
+    /// noises are singular.
+    pub fn new(block: &Block, noises: &[Noise], resolved: &[f64], config: &Config) -> Option<Self> {
         let present: Vec<usize> = (0..block.rows()).filter(|&row| block.present[row]).collect();
-        let layout = Layout::new(present.len(), config.single_coefficients, config.band_ratio);
+        let layout = Layout::new(present.len(), config.single_coefficients, config.band_ratio, resolved);
         let vectors: Vec<DVector<f64>> = if block.is_redundant() {
             let real = |place| block.transfer(place, 0.0).into_iter().map(|value| value.re).collect();
             (0..block.sensors.len()).map(|place| DVector::from_vec(real(place))).collect()
@@ -131,6 +135,34 @@ impl Sums {
             values
         });
         transformed.collect()
+    }
+
+    /// Energy by band of the values of all rows, whitened; none where it is not a number.
+    pub fn energy_of(&self, values: &[f64]) -> Option<Vec<f64>> {
+        let whitened = self.transformed(&[values]).pop()?;
+        let in_band = |edge: &[usize]| whitened[edge[0]..edge[1]].iter().map(|value| value * value).sum();
+        let energy: Vec<f64> = self.layout.edges.windows(2).map(in_band).collect();
+        energy.iter().all(|value: &f64| value.is_finite()).then_some(energy)
+    }
+
+    /// Information of a shape that begins at a row, at a port of a sensor of the block, computed once: under the filter of one channel that of
+    /// each sensor is the same.
+    pub fn onsets(
+        &self,
+        block: &Block,
+        sensor: usize,
+        port: Port,
+        shape: OnsetShape,
+        config: &Config,
+    ) -> Option<Arc<Onsets>> {
+        let key = (port, shape);
+        let known = self.store.read().unwrap_or_else(PoisonError::into_inner).onsets.get(&key).cloned();
+        known.unwrap_or_else(|| {
+            let computed = Onsets::new(self, block, sensor, port, shape, config).map(Arc::new);
+            let mut store = self.store.write().unwrap_or_else(PoisonError::into_inner);
+            store.onsets.insert(key, computed.clone());
+            computed
+        })
     }
 
     /// Products of transformed channels by band.

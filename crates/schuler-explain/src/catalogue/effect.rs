@@ -49,7 +49,7 @@ pub enum Target {
 }
 
 /// Where in a Schuler loop a signal enters; sensors outside of a loop have only their output.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Port {
     /// The sensor's output, in the SI unit of the sensor.
     Output,
@@ -141,7 +141,7 @@ pub struct Nonlinear {
 }
 
 /// Shapes that begin at some time.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum OnsetShape {
     /// 0 before, 1 after.
     Step,

@@ -18,7 +18,7 @@ use crate::noise::fit::{Observed, SourceKnob};
 use crate::noise::trust::ln_mean;
 use crate::noise::weights::{Covariances, Weights};
 use crate::noise::{Knob, Noise};
-use crate::nominal::Source;
+use crate::nominal::{Block, Source};
 use crate::problem::Problem;
 
 /// A deterministic effect in a description.
@@ -123,6 +123,8 @@ pub struct Bench<'b> {
     pub constants: Vec<Regressor>,
     /// Their places among those of the model; those that reach nothing are left out.
     pub constant_places: Vec<usize>,
+    /// Frequencies about which the bands of each block are narrow, rad a row.
+    pub resolved: Vec<Vec<f64>>,
 }
 
 impl Description {
@@ -189,17 +191,18 @@ impl Description {
 }
 
 impl<'b> Bench<'b> {
-    /// The sums of all blocks whitened by given noises.
-    pub fn new(problem: &'b Problem<'b>, noises: &[Noise]) -> Self {
+    /// The sums of all blocks whitened by given noises, with narrow bands about the frequencies `resolved` of each block.
+    pub fn new(problem: &'b Problem<'b>, noises: &[Noise], resolved: Vec<Vec<f64>>) -> Self {
         let model = problem.model;
-        let sums: Vec<Option<Sums>> =
-            model.blocks.iter().map(|block| Sums::new(block, noises, problem.config)).collect();
+        let of_block =
+            |(block, resolved): (&Block, &Vec<f64>)| Sums::new(block, noises, resolved, problem.config);
+        let sums: Vec<Option<Sums>> = model.blocks.iter().zip(&resolved).map(of_block).collect();
         let (constant_places, constants) = regressors(model, &sums, &model.constants, Port::Output)
             .into_iter()
             .enumerate()
             .filter(|(_, constant)| !constant.parts.is_empty())
             .unzip();
-        Self { problem, sums, constants, constant_places }
+        Self { problem, sums, constants, constant_places, resolved }
     }
 
     /// The description fitted in every block.

@@ -7,6 +7,9 @@ use crate::noise::{Flicker, Knob, Noise};
 /// Shortest correlation times of flicker, in steps, that are tried: what it is made of ends somewhere.
 const SHORTEST_FLICKER_STEPS: [f64; 2] = [2.0, 6.0];
 
+/// Damping of an oscillation in a narrow band with which a fit begins, in inverse durations of the record.
+const NARROW: [f64; 3] = [3.0, 15.0, 75.0];
+
 /// Part of its level with which a Markov process counts as absent where a fit begins.
 const ABSENT: f64 = 1e-3;
 
@@ -19,8 +22,22 @@ pub struct Start {
     pub knobs: Vec<Knob>,
 }
 
-/// Where fits of a change begin, of a source whose noise has the spread `spread` in a record of `duration_s`.
-pub fn starts(noise: &Noise, change: NoiseChange, spread: f64, step_s: f64, duration_s: f64) -> Vec<Start> {
+/// A source whose noise is fitted.
+#[derive(Clone, Copy, Debug)]
+pub struct Fitting<'f> {
+    /// Root mean square of what its noise makes of the output.
+    pub spread: f64,
+    /// Step, s.
+    pub step_s: f64,
+    /// Duration of the record, s.
+    pub duration_s: f64,
+    /// Frequencies at which the record shows that its power is in a narrow band, rad a row.
+    pub resolved: &'f [f64],
+}
+
+/// Where fits of a change of the noise of a source begin.
+pub fn starts(noise: &Noise, change: NoiseChange, fitting: Fitting<'_>) -> Vec<Start> {
+    let Fitting { spread, step_s, duration_s, resolved } = fitting;
     let with = |knobs: &[Knob], set: &dyn Fn(&mut Noise)| {
         let mut noise = noise.clone();
         set(&mut noise);
@@ -54,6 +71,13 @@ pub fn starts(noise: &Noise, change: NoiseChange, spread: f64, step_s: f64, dura
                     noise.exp_cos.push(ExponentialCosine { sigma: 0.3 * spread, alpha: 0.2 * beta, beta });
                 })
             });
+            let narrow =
+                resolved.iter().flat_map(|omega| NARROW.map(|turns| (omega / step_s, turns / duration_s)));
+            let narrow = narrow.map(|(beta, alpha)| {
+                with(&knobs, &|noise| {
+                    noise.exp_cos.push(ExponentialCosine { sigma: 0.3 * spread, alpha, beta });
+                })
+            });
             let moved = (0..part).map(|at| {
                 with(&[Knob::CosineSigma(at), Knob::CosineAlpha(at), Knob::CosineBeta(at)], &|_| ())
             });
@@ -69,7 +93,7 @@ pub fn starts(noise: &Noise, change: NoiseChange, spread: f64, step_s: f64, dura
                     noise.exp_cos.push(ExponentialCosine { sigma, alpha: 0.2 * beta, beta });
                 })
             });
-            moved.chain(added).chain(instead).collect()
+            moved.chain(added).chain(narrow).chain(instead).collect()
         }
         NoiseChange::RandomWalk => {
             let coefficient =

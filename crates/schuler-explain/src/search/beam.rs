@@ -21,12 +21,17 @@ pub struct Beam {
 }
 
 /// Searches from a description on: of the best that are not expanded yet the neighbours are fitted, those with an item more, less, or
-/// another in its place, until none of the best is left.
-pub fn search(bench: &Bench<'_>, library: &[Shelf], start: Description) -> Beam {
+/// another in its place, until none of the best is left, or the best is one that `ends` it.
+pub fn search(
+    bench: &Bench<'_>,
+    library: &[Shelf],
+    start: Description,
+    ends: &dyn Fn(&Bench<'_>, &Description) -> bool,
+) -> Beam {
     let mut kept = Kept { known: vec![(structure(&start), start)], ..Kept::default() };
-    kept.expand(bench, library);
-    if kept.jump(bench) {
-        kept.expand(bench, library);
+    kept.expand(bench, library, ends);
+    if !ends(bench, &kept.known[0].1) && kept.jump(bench) {
+        kept.expand(bench, library, ends);
     }
     let descriptions = kept.known.into_iter().map(|(_, description)| description).collect();
     Beam { descriptions, others: Vec::new() }
@@ -46,10 +51,18 @@ struct Kept {
 
 impl Kept {
     /// Expands the best until none of them is left.
-    fn expand(&mut self, bench: &Bench<'_>, library: &[Shelf]) {
+    fn expand(
+        &mut self,
+        bench: &Bench<'_>,
+        library: &[Shelf],
+        ends: &dyn Fn(&Bench<'_>, &Description) -> bool,
+    ) {
         let config = bench.problem.config;
         loop {
             self.known.sort_by(|a, b| b.1.ln_evidence.total_cmp(&a.1.ln_evidence).then(a.0.cmp(&b.0)));
+            if ends(bench, &self.known[0].1) {
+                return;
+            }
             let best = self.known[0].1.ln_evidence;
             let next = (self.known.iter().take(config.expanded))
                 .find(|(of, description)| {
@@ -63,15 +76,16 @@ impl Kept {
             // What is added elsewhere than where something is left out is two moves, each of which has its turn.
             let mut bases = neighbours_below(bench, &description);
             let mut found: Vec<Description> = bases.iter().map(|(base, _)| base.clone()).collect();
-            if description.items() < config.most_items {
-                let all = (0..bench.sums.len()).filter(|&block| bench.sums[block].is_some()).collect();
-                bases.push((description, all));
-            }
-            for (base, among) in bases {
-                if self.extended.insert((structure(&base), among.clone())) {
+            bases.push((description, all_blocks(bench)));
+            for (base, mut among) in bases {
+                among.retain(|&block| items_in(bench, &base, block) < config.most_items);
+                if !among.is_empty() && self.extended.insert((structure(&base), among.clone())) {
                     found.extend(with_one_more(bench, library, &self.parts, &base, &among, best));
                 }
             }
+            found.retain(|it| {
+                all_blocks(bench).into_iter().all(|block| items_in(bench, it, block) <= config.most_items)
+            });
             self.take(found);
         }
     }
@@ -80,12 +94,12 @@ impl Kept {
     /// and of all that is in a block: what jumps often was told as many steps. Whether there is a better one by it.
     fn jump(&mut self, bench: &Bench<'_>) -> bool {
         let best = self.known[0].1.clone();
-        let mut bases: Vec<Description> =
-            neighbours_below(bench, &best).into_iter().map(|(base, _)| base).collect();
+        // Where nothing was left out a telegraph promises what it promises beside the best.
+        let mut bases = neighbours_below(bench, &best);
         bases.extend(neighbours_far_below(bench, &best));
-        bases.push(best.clone());
+        bases.push((best.clone(), all_blocks(bench)));
         let found: Vec<Description> =
-            bases.par_iter().flat_map_iter(|base| with_telegraph(bench, base)).collect();
+            bases.par_iter().flat_map_iter(|(base, among)| with_telegraph(bench, base, among)).collect();
         let is_better = found.iter().any(|it| it.ln_evidence > best.ln_evidence);
         self.take(found);
         is_better
@@ -104,6 +118,19 @@ impl Kept {
     }
 }
 
+/// Number of items that reach a block.
+fn items_in(bench: &Bench<'_>, description: &Description, block: usize) -> usize {
+    items(description)
+        .into_iter()
+        .filter(|&item| reached_by(bench, description, item).contains(&block))
+        .count()
+}
+
+/// The blocks that have sums.
+fn all_blocks(bench: &Bench<'_>) -> Vec<usize> {
+    (0..bench.sums.len()).filter(|&block| bench.sums[block].is_some()).collect()
+}
+
 /// The descriptions that lack one item of another, with the blocks that it reached.
 fn neighbours_below(bench: &Bench<'_>, description: &Description) -> Vec<(Description, Vec<usize>)> {
     let without =
@@ -111,8 +138,8 @@ fn neighbours_below(bench: &Bench<'_>, description: &Description) -> Vec<(Descri
     items(description).par_iter().filter_map(without).collect()
 }
 
-/// The descriptions that lack all steps and ramps of a block, all its effects, or all its items, where those are several.
-fn neighbours_far_below(bench: &Bench<'_>, description: &Description) -> Vec<Description> {
+/// The descriptions that lack all steps and ramps of a block, all its effects, or all its items, where those are several, with that block.
+fn neighbours_far_below(bench: &Bench<'_>, description: &Description) -> Vec<(Description, Vec<usize>)> {
     let is_effect = |item: &Item| matches!(item, Item::Placed(_));
     let is_onset = |item: &Item| {
         let candidate = candidate_of(description, *item);
@@ -124,8 +151,11 @@ fn neighbours_far_below(bench: &Bench<'_>, description: &Description) -> Vec<Des
         let of = |belongs: &dyn Fn(&Item) -> bool| all.iter().copied().filter(belongs).collect::<Vec<_>>();
         let mut sets = vec![of(&is_onset), of(&is_effect), all];
         sets.dedup();
-        sets
+        sets.into_iter().map(move |set| (set, vec![block]))
     });
-    let several: Vec<Vec<Item>> = sets.filter(|set| set.len() > 1).collect();
-    several.par_iter().filter_map(|set| without_several(bench, description, set)).collect()
+    let several: Vec<(Vec<Item>, Vec<usize>)> = sets.filter(|(set, _)| set.len() > 1).collect();
+    let without = |(set, among): &(Vec<Item>, Vec<usize>)| {
+        Some((without_several(bench, description, set)?, among.clone()))
+    };
+    several.par_iter().filter_map(without).collect()
 }

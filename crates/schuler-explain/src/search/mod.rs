@@ -10,12 +10,14 @@
 //! | [`levels`] | another white level in part of the rows |
 //! | [`moves`] | the descriptions that are one item away |
 //! | [`noises`] | other noises |
+//! | [`crowds`] | lines that crowd in one band, and narrower bands for them |
 //! | [`pairs`] | a constant and what it hides |
 //! | [`telegraph`] | a mean that jumps on and off |
 //! | [`beam`] | the descriptions that are kept, and which of them are expanded
 //! | [`passes`] | the same again, the record whitened by what was found |
 pub mod beam;
 pub mod beside;
+pub mod crowds;
 pub mod known;
 pub mod late;
 pub mod levels;

@@ -10,7 +10,7 @@ use crate::description::sensors_of;
 use crate::evidence::fit::{Bench, Change, Description};
 use crate::evidence::system::System;
 use crate::noise::fit::{Observed, SourceKnob};
-use crate::noise::parts::{Start, starts};
+use crate::noise::parts::{Fitting, Start, starts};
 use crate::noise::{Knob, Noise};
 use crate::problem::Problem;
 
@@ -125,7 +125,10 @@ fn best_of(
         };
         let at = |&decade: &i32| {
             let spread = observed.spread() * 10.0_f64.powi(decade);
-            starts(&noises[source], change, spread, block.step_s(), duration_s)
+
+            let resolved = &bench.resolved[index];
+            let fitting = Fitting { spread, step_s: block.step_s(), duration_s, resolved };
+            starts(&noises[source], change, fitting)
         };
         let mut all: Vec<_> = decades.iter().flat_map(at).filter_map(with_start).collect();
         all.sort_by(|a: &(f64, _, _), b: &(f64, _, _)| b.0.total_cmp(&a.0));

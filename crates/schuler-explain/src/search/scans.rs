@@ -1,15 +1,12 @@
 //! Steps and ramps at every row, and lines at every frequency, beside what is described.
-use std::borrow::Cow;
-
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::beside::Beside;
 use super::library::Offer;
-use crate::bands::onset_energy::{SHAPES, Shapes, onset_energies};
-use crate::bands::scan::{interpolated, lines, ramps, steps};
+use crate::bands::scan::{lines, ramps, steps};
 use crate::bands::sums::Sums;
-use crate::catalogue::{Candidate, Column, OnsetShape, Port, Search};
+use crate::catalogue::{Candidate, OnsetShape, Port, Search};
 use crate::description::sensors_of;
 use crate::evidence::amplitude::ln_gain;
 use crate::evidence::regressor::Regressor;
@@ -111,28 +108,23 @@ impl Source<'_> {
         self.block.back_project(channels, self.sensor, self.port).unwrap_or_default()
     }
 
-    /// Rows where a shape may begin: with enough of those present on either side.
-    fn rows(&self) -> Vec<usize> {
-        let least = self.beside.bench.problem.config.least_segment;
-        let present: Vec<usize> = (0..self.block.rows()).filter(|&row| self.block.present[row]).collect();
-        let last = present.len().saturating_sub(least);
-        present.get(least..last.max(least)).map(<[usize]>::to_vec).unwrap_or_default()
-    }
-
     fn onsets(&self, candidate: usize, shape: OnsetShape) -> Vec<Offer> {
         let config = self.beside.bench.problem.config;
         let scan = if shape == OnsetShape::Step { steps } else { ramps };
         let scores = scan(&self.through(&self.impulses.left));
         let with: Vec<Vec<f64>> =
             self.impulses.described.iter().map(|channels| scan(&self.through(channels))).collect();
-        let rows = self.rows();
-        let Some(energies) = self.energies(shape, &rows) else { return Vec::new() };
+        let Some(onsets) = self.sums.onsets(self.block, self.sensor, self.port, shape, config) else {
+            return Vec::new();
+        };
+        let Some(weights) = &self.beside.weights[self.index] else { return Vec::new() };
+        let place = self.place();
+        let of_sensor: Vec<f64> = weights.of_places.iter().map(|weight| weight[(place, place)]).collect();
         let free = self.beside.solved.free.len();
         // With M⁻¹ of the described in rows, the information taken by them is a square.
         let inverse = self.inverse_of_described(free);
-        let gain = |&row: &usize| {
+        let gain = |(&row, whole): (&usize, f64)| {
             let of: DVector<f64> = DVector::from_iterator(with.len(), with.iter().map(|scores| scores[row]));
-            let whole = energies[row];
             let left = whole - (&inverse * &of).dot(&of);
             if left > LEAST_LEFT * whole && whole > 0.0 {
                 ln_gain(scores[row] * scores[row] / left, 1, config)
@@ -140,9 +132,9 @@ impl Source<'_> {
                 f64::NEG_INFINITY
             }
         };
-        let gains: Vec<f64> = rows.iter().map(gain).collect();
+        let gains: Vec<f64> = onsets.rows.iter().zip(onsets.weighted(&of_sensor)).map(gain).collect();
         let time_s = self.beside.bench.problem.time_s();
-        self.offered(candidate, &gains, |place| time_s[rows[place]])
+        self.offered(candidate, &gains, |place| time_s[onsets.rows[place]])
     }
 
     fn inverse_of_described(&self, free: usize) -> DMatrix<f64> {
@@ -154,52 +146,6 @@ impl Source<'_> {
         };
         let columns: Vec<DVector<f64>> = own.iter().map(column).collect();
         if columns.is_empty() { DMatrix::zeros(0, 0) } else { DMatrix::from_columns(&columns) }
-    }
-
-    /// Information of a shape that begins at each row: that under full trust by one pass, times what the weights make of it at
-    /// some rows and between them.
-    fn energies(&self, shape: OnsetShape, rows: &[usize]) -> Option<Vec<f64>> {
-        let number = usize::from(shape == OnsetShape::Ramp);
-        let shapes = self.block.begins(self.sensor, self.port)?;
-        let shapes = Shapes { weights: vec![1.0], ..shapes };
-        let mut energies: [Vec<f64>; SHAPES] = onset_energies(&self.sums.filter, &[shapes]).pop()?;
-        let plain = std::mem::take(&mut energies[number]);
-        let config = self.beside.bench.problem.config;
-        let time_s = self.beside.bench.problem.time_s();
-        let knots = knots(rows, config.onset_knots);
-        let columns: Vec<Column> = (knots.iter())
-            .map(|&at| {
-                let value = |row: usize| match shape {
-                    OnsetShape::Step => f64::from(u8::from(row >= at)),
-                    OnsetShape::Ramp => row.saturating_sub(at) as f64,
-                };
-                Column::on(self.sensor, (0..time_s.len()).map(value).collect::<Vec<f64>>())
-            })
-            .collect();
-        let projected: Vec<Cow<'_, [f64]>> = (columns.iter())
-            .map(|column| {
-                if self.block.is_redundant() {
-                    Some(Cow::from(&*column.parts[0].1))
-                } else {
-                    self.block.project(column, self.port)
-                }
-            })
-            .collect::<Option<_>>()?;
-        let values: Vec<&[f64]> = projected.iter().map(|values| &**values).collect();
-        let weights = self.beside.weights[self.index].as_ref()?;
-        let place = self.place();
-        let ratios: Vec<(usize, f64)> = (self.sums.insert(&values).into_iter().zip(&knots))
-            .filter_map(|(series, &row)| {
-                let products = self.sums.products(series?, series?);
-                let (mut weighted, mut whole) = (0.0, 0.0);
-                for (product, weight) in products.iter().zip(&weights.of_places) {
-                    weighted += product * weight[(place, place)];
-                    whole += product;
-                }
-                (whole > 0.0).then(|| (row, weighted / whole))
-            })
-            .collect();
-        Some(plain.iter().enumerate().map(|(row, energy)| energy * interpolated(&ratios, row)).collect())
     }
 
     fn lines(&self, candidate: usize) -> Vec<Offer> {
@@ -225,11 +171,8 @@ impl Source<'_> {
                     0.5 * rows as f64 * weight[(place, place)] / base * through
                 })
                 .collect();
-        let bands = &self.sums.layout.edges;
         let gain = |bin: usize| {
-            let coefficient = (scores.step * bin as f64 / std::f64::consts::PI * rows as f64) as usize;
-            let band = bands.partition_point(|edge| *edge <= coefficient).saturating_sub(1);
-            let information = informations[band.min(informations.len() - 1)];
+            let information = informations[self.sums.layout.band_of(scores.step * bin as f64)];
             ln_gain(scores.scores[bin].norm_sqr() / information, 2, config)
         };
         let bins: Vec<usize> = (first..last).collect();
@@ -266,17 +209,4 @@ impl Source<'_> {
 
 fn peaks_best(gains: &[f64]) -> usize {
     (0..gains.len()).max_by(|&a, &b| gains[a].total_cmp(&gains[b])).unwrap_or_default()
-}
-
-/// Rows among `rows`, closer to each other near the ends.
-fn knots(rows: &[usize], count: usize) -> Vec<usize> {
-    let last = rows.len().saturating_sub(1) as f64;
-    let at = |k: usize| {
-        let part = (k as f64 + 0.5) / count as f64;
-        let place = 0.5 * (1.0 - (std::f64::consts::PI * part).cos());
-        rows.get((place * last).round() as usize).copied()
-    };
-    let mut knots: Vec<usize> = (0..count).filter_map(at).collect();
-    knots.dedup();
-    knots
 }

@@ -16,16 +16,16 @@ use crate::exact::decoder::Decoded;
 use crate::exact::telegraph::{Place, best_of_blocks, history};
 use crate::noise::Knob;
 use crate::noise::fit::{Observed, SourceKnob};
-use crate::noise::parts::starts;
+use crate::noise::parts::{Fitting, starts};
 
 /// Gain of a further Markov part from which on jumps are sought.
 const WORTH_TRYING: f64 = 3.0;
 
-/// The descriptions that have a telegraph beside what is described, fitted.
-pub fn with_telegraph(bench: &Bench<'_>, description: &Description) -> Vec<Description> {
+/// The descriptions that have a telegraph in one of some blocks beside what is described, fitted.
+pub fn with_telegraph(bench: &Bench<'_>, description: &Description, among: &[usize]) -> Vec<Description> {
     let places: Vec<Place> = (bench.problem.candidates.par_iter().enumerate())
         .filter(|(index, candidate)| candidate.is_jump() && !description.has(*index))
-        .filter_map(|(index, candidate)| place(bench, description, index, candidate))
+        .filter_map(|(index, candidate)| place(bench, description, among, index, candidate))
         .collect();
     let places = best_of_blocks(places);
     if places.is_empty() {
@@ -36,10 +36,16 @@ pub fn with_telegraph(bench: &Bench<'_>, description: &Description) -> Vec<Descr
 }
 
 /// The place of a candidate, if jumps may be there.
-fn place(bench: &Bench<'_>, description: &Description, index: usize, candidate: &Candidate) -> Option<Place> {
+fn place(
+    bench: &Bench<'_>,
+    description: &Description,
+    among: &[usize],
+    index: usize,
+    candidate: &Candidate,
+) -> Option<Place> {
     let Target::Sensor(sensor) = candidate.target else { return None };
     let model = bench.problem.model;
-    let block = model.block_of(sensor)?;
+    let block = model.block_of(sensor).filter(|block| among.contains(block))?;
     let source = model.source_of(sensor, Port::Output)?;
     let (part, gain) = further_markov(bench, description, block, source)?;
     // One that is gone before the next row is white noise.
@@ -97,7 +103,8 @@ fn further_markov(
     let noise = &description.noises[source];
     let part = noise.markov.len();
     let is_new = |knobs: &[Knob]| knobs.contains(&Knob::MarkovSigma(part));
-    let fitted = starts(noise, NoiseChange::Markov, observed.spread(), block.step_s(), duration_s)
+    let fitting = Fitting { spread: observed.spread(), step_s: block.step_s(), duration_s, resolved: &[] };
+    let fitted = starts(noise, NoiseChange::Markov, fitting)
         .into_iter()
         .filter(|start| is_new(&start.knobs))
         .filter_map(|start| {
