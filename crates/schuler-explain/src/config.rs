@@ -6,6 +6,9 @@ use crate::explain::Error;
 pub struct Config {
     /// Effects that a record is expected to have, before it is seen. Twice as many add 0.7 nats to every finding.
     pub expected_effects: f64,
+    /// Probability, before it is seen, that a sensor has a step or a line that another one of its dimension has. A higher value
+    /// takes more of what coincides for one cause.
+    pub in_common: f64,
     /// Posterior probability from which on a finding is told. Nearer to 1 fewer weak effects are told, and fewer false ones.
     pub told_at: f64,
     /// Cosine coefficients at low frequency that are bands of their own.
@@ -86,6 +89,7 @@ impl Default for Config {
     fn default() -> Self {
         Self {
             expected_effects: 1.0,
+            in_common: 0.1,
             told_at: 0.95,
             single_coefficients: 8,
             band_ratio: 1.2,

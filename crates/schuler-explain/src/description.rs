@@ -153,21 +153,23 @@ pub fn sensors_of(candidate: &Candidate) -> Vec<usize> {
 
 /// The columns of a candidate at given values of the parameters in which it is not linear.
 pub(crate) fn columns(candidate: &Candidate, nonlinear: &[f64], time_s: &[f64]) -> Vec<Column> {
-    let shared = |values: Vec<f64>| {
-        let values = Series::from(values);
-        Column::of(sensors_of(candidate).into_iter().map(|sensor| (sensor, values.clone())))
+    // What several sensors have in common has an amplitude of each.
+    let of_each = |series: Vec<Vec<f64>>| -> Vec<Column> {
+        let series: Vec<Series> = series.into_iter().map(Series::from).collect();
+        let of_sensor = |sensor: usize| series.iter().map(move |values| Column::on(sensor, values.clone()));
+        sensors_of(candidate).into_iter().flat_map(of_sensor).collect()
     };
     let at = nonlinear.first().copied().unwrap_or_default();
     match &candidate.search {
         Search::Linear(signature) => signature.columns.clone(),
         Search::Grid { signature, .. } => signature(nonlinear).columns,
         Search::Onset(OnsetShape::Step) => {
-            vec![shared(time_s.iter().map(|&time| f64::from(u8::from(time >= at))).collect())]
+            of_each(vec![time_s.iter().map(|&time| f64::from(u8::from(time >= at))).collect()])
         }
         Search::Onset(OnsetShape::Ramp) => {
-            vec![shared(time_s.iter().map(|&time| (time - at).max(0.0)).collect())]
+            of_each(vec![time_s.iter().map(|&time| (time - at).max(0.0)).collect()])
         }
-        Search::Frequency => waves(time_s, std::f64::consts::TAU * at).map(shared).into(),
+        Search::Frequency => of_each(waves(time_s, std::f64::consts::TAU * at).into()),
         Search::Noise(_) | Search::Readings(_) => Vec::new(),
     }
 }

@@ -30,6 +30,9 @@ pub struct Explanation {
     pub notes: Vec<String>,
 }
 
+/// What stands between the names of sensors that have something in common.
+pub(crate) const IN_COMMON: &str = ", ";
+
 /// What came of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -47,8 +50,11 @@ pub enum Verdict {
 /// An effect that was left out.
 #[derive(Clone, Debug, Serialize)]
 pub struct Finding {
-    /// Sensor or group.
+    /// Sensor or group; of sensors that have it in common without being a group their names.
     pub sensor: String,
+    /// All sensors that have it in common; empty where it is of one.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub sensors: Vec<String>,
     /// Identifier of the effect.
     pub effect: String,
     /// Probability that it or another of its class is there.
@@ -75,6 +81,11 @@ impl Finding {
         corrects_stated || named(&self.effect).is_some_and(Effect::is_outliers)
     }
 
+    /// What it is of, to stand before what is said of it: the sensor, or what several have in common.
+    pub fn subject(&self) -> String {
+        subject(&self.sensor, &self.sensors)
+    }
+
     /// Whether it is an effect, or cannot be told from it, on whatever sensor.
     pub fn may_be(&self, effect: &str) -> bool {
         self.class.iter().any(|member| member.effect == effect)
@@ -83,6 +94,16 @@ impl Finding {
     /// What else it may be.
     pub fn rivals(&self) -> &[Member] {
         self.class.get(1..).unwrap_or_default()
+    }
+}
+
+/// What a finding is of, to stand before what is said of it.
+pub(crate) fn subject(sensor: &str, sensors: &[String]) -> String {
+    match sensors {
+        [others @ .., last] if !others.is_empty() && sensors.join(IN_COMMON) == sensor => {
+            format!("what {} and {last} have in common", others.join(", "))
+        }
+        _ => sensor.to_owned(),
     }
 }
 
@@ -151,7 +172,7 @@ pub struct Evidence {
 /// What a finding may be.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Member {
-    /// Sensor or group.
+    /// Sensor or group; of sensors that have it in common without being a group their names.
     pub sensor: String,
     /// Identifier of the effect.
     pub effect: String,
@@ -238,7 +259,7 @@ pub struct Remainder {
 
 #[cfg(test)]
 mod tests {
-    use super::{Evidence, Finding, Member, Parameter, is_plausible};
+    use super::{Evidence, Finding, Member, Parameter, is_plausible, subject};
 
     fn number(value: f64, stated: Option<f64>) -> Parameter {
         Parameter {
@@ -278,11 +299,20 @@ mod tests {
     }
 
     #[test]
+    fn what_several_sensors_have_in_common_is_said_so() {
+        let three = ["ax", "ay", "az"].map(str::to_owned);
+        assert_eq!(subject("ax, ay, az", &three), "what ax, ay and az have in common");
+        assert_eq!(subject("block", &three), "block");
+        assert_eq!(subject("ax", &[]), "ax");
+    }
+
+    #[test]
     fn spikes_and_stated_numbers_that_are_put_right_are_no_physics() {
         let is_no_physics_beside = |effect: &str, other: &str, parameters: Vec<Parameter>| {
             let member = |effect: &str| Member { effect: effect.to_owned(), ..Member::default() };
             let finding = Finding {
                 sensor: "gyro_x".to_owned(),
+                sensors: Vec::new(),
                 effect: effect.to_owned(),
                 probability: 1.0,
                 class: vec![member(effect), member(other)],

@@ -42,7 +42,7 @@ pub(super) fn verdict(verdict: Verdict) -> &'static str {
 pub(super) fn finding(finding: &Finding, length_s: f64) -> String {
     // The answer's own sentence is for those who have nothing but the answer.
     let Some(effect) = named(&finding.effect) else { return finding.sentence.clone() };
-    let said = said(effect, &finding.sensor, &finding.parameters);
+    let said = said(effect, &finding.subject(), &finding.parameters);
     let quoted = quoted_parameters(&finding.parameters);
     let (numbers, others): (Vec<&Parameter>, Vec<&Parameter>) =
         quoted.iter().partition(|it| it.text.is_none());
@@ -321,6 +321,7 @@ mod tests {
     fn example() -> Finding {
         Finding {
             sensor: "gyro_x".into(),
+            sensors: Vec::new(),
             effect: "bias_temperature_rate".into(),
             probability: 1.0,
             class: Vec::new(),

@@ -171,6 +171,7 @@ fn explanation(prefix: &str, names: &[String]) -> Explanation {
         findings: vec![
             Finding {
                 sensor: names[0].clone(),
+                sensors: Vec::new(),
                 effect: "bias_temperature_rate".into(),
                 probability: 1.0,
                 class: vec![
@@ -194,6 +195,7 @@ fn explanation(prefix: &str, names: &[String]) -> Explanation {
             },
             Finding {
                 sensor: names[1].clone(),
+                sensors: Vec::new(),
                 effect: "bias_step".into(),
                 probability: 0.99996,
                 class: Vec::new(),

@@ -5,7 +5,7 @@ use crate::catalogue::{Candidate, Effect, OF_READINGS, ReadingFault, Search, Tar
 use crate::description::{Term, nonlinear_names};
 use crate::evidence::fit::{Bench, Change, Description};
 use crate::exact::OverRows;
-use crate::explanation::{Evidence, Finding, Member, Parameter, Remainder};
+use crate::explanation::{Evidence, Finding, Member, Parameter, Remainder, subject};
 use crate::faults::{Fault, OFF_LATTICE};
 use crate::noise::RowsOfLevel;
 use crate::nominal::Model;
@@ -69,11 +69,13 @@ fn finding(bench: &Bench<'_>, description: &Description, posterior: &Posterior) 
     let own = candidate_of(description, posterior.item);
     let candidate = &problem.candidates[own];
     let sensor = target_name(problem.model, candidate);
+    let sensors = in_common(problem, candidate);
     let parameters = parameters(bench, description, posterior.item);
     let interval_s = interval(bench, description, posterior.item);
     Finding {
-        sentence: sentence(candidate, &sensor, &parameters, interval_s, problem.time_s()),
+        sentence: sentence(candidate, &subject(&sensor, &sensors), &parameters, interval_s, problem.time_s()),
         sensor,
+        sensors,
         effect: candidate.effect.id.to_owned(),
         probability: posterior.probability(),
         class: class(problem, own, &posterior.class),
@@ -81,6 +83,13 @@ fn finding(bench: &Bench<'_>, description: &Description, posterior: &Posterior) 
         parameters,
         evidence: Evidence { gain_nats: posterior.ln_odds, p_value: (1.0 + posterior.ln_odds.exp()).recip() },
     }
+}
+
+/// The names of the sensors on which a candidate acts together.
+fn in_common(problem: &Problem<'_>, candidate: &Candidate) -> Vec<String> {
+    let Target::Group { sensors, .. } = &candidate.target else { return Vec::new() };
+    let of = |&sensor: &usize| problem.inputs.recording.sensors.get(sensor).map(|it| it.sensor.id.clone());
+    sensors.iter().filter_map(of).collect()
 }
 
 /// Candidates with their probabilities as pairs of a sensor and an effect, that of the finding first; variants of an effect are one.
@@ -186,6 +195,7 @@ fn of_fault(rows: &OverRows<'_>, fault: &Fault) -> Option<Finding> {
     Some(Finding {
         sentence: sentence(&candidate, &sensor, &parameters, interval_s, problem.time_s()),
         sensor,
+        sensors: Vec::new(),
         effect: candidate.effect.id.to_owned(),
         probability: (1.0 + (-ln_odds).exp()).recip(),
         class: as_likely(pairs),

@@ -4,7 +4,7 @@ use schuler_recording::motion::earth;
 
 use super::draft::{
     Draft, HOUR, ITSELF, Plausible, amplitude, any, at_each_instrument_place, at_each_place, coefficient,
-    time_constant,
+    in_common, time_constant,
 };
 use super::in_flight::{InFlight, OF_THIS_RECORD, OF_UNKNOWN_PHASE, Part};
 use super::{Effect, OnsetShape, Search};
@@ -52,10 +52,12 @@ pub(super) const BIAS_STEP: Effect = Effect {
     in_flight: OF_THIS_RECORD,
     acts_on: any,
     candidates: |effect, inputs| {
-        at_each_place(effect, inputs, |place| {
-            let plausible = Plausible::inertial([0.01, 1.0], [5.0, 100.0]);
-            vec![Draft::new(Search::Onset(OnsetShape::Step), vec![coefficient(place, ITSELF, plausible)])]
-        })
+        let plausible = Plausible::inertial([0.01, 1.0], [5.0, 100.0]);
+        let amplitudes = |place: &Place| vec![coefficient(place, ITSELF, plausible)];
+        let search = || Search::Onset(OnsetShape::Step);
+        let mut all = at_each_place(effect, inputs, |place| vec![Draft::new(search(), amplitudes(place))]);
+        all.extend(in_common(effect, inputs, search, amplitudes));
+        all
     },
 };
 
@@ -157,11 +159,13 @@ pub(super) const PERIODIC_LINE: Effect = Effect {
     in_flight: OF_UNKNOWN_PHASE,
     acts_on: any,
     candidates: |effect, inputs| {
-        at_each_place(effect, inputs, |place| {
-            let plausible = Plausible { gyro: Some([0.001, 0.1]), ..Plausible::UNKNOWN };
-            let amplitudes = ["a", "b"].map(|name| amplitude(place, name, ITSELF, plausible));
-            vec![Draft::new(Search::Frequency, amplitudes.to_vec())]
-        })
+        let plausible = Plausible { gyro: Some([0.001, 0.1]), ..Plausible::UNKNOWN };
+        let amplitudes =
+            |place: &Place| ["a", "b"].map(|name| amplitude(place, name, ITSELF, plausible)).to_vec();
+        let mut all =
+            at_each_place(effect, inputs, |place| vec![Draft::new(Search::Frequency, amplitudes(place))]);
+        all.extend(in_common(effect, inputs, || Search::Frequency, amplitudes));
+        all
     },
 };
 

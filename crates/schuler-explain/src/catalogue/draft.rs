@@ -5,9 +5,12 @@ use schuler_recording::unit::{Dimension, STANDARD_GRAVITY, Unit};
 use super::{
     AT_MEAN, AT_START, Amplitude, Candidate, Column, Effect, Nonlinear, Port, Search, Signature, Target,
 };
+use crate::explanation::IN_COMMON;
 use crate::inputs::series::{Series, map};
 use crate::inputs::{Inputs, Place};
 
+/// Sensors of one dimension of which every set may have something in common; of more there are too many sets.
+const MOST_IN_COMMON: usize = 6;
 /// How much larger the errors of micromechanical sensors can be.
 const MICROMECHANICAL: f64 = 1e3;
 /// Columns below this part of the largest one are left out of a signature: the motion does not show them.
@@ -283,6 +286,38 @@ pub(super) fn at_each_instrument_place(
     at_each_place(effect, inputs, |place| {
         if inputs.is_loop() && place.port == Port::Output { Vec::new() } else { drafts(place) }
     })
+}
+
+/// The candidates of an effect that several sensors of one dimension have in common, for every set of them: each has its own of the
+/// `amplitudes`.
+pub(super) fn in_common(
+    effect: &'static Effect,
+    inputs: &Inputs<'_>,
+    search: impl Fn() -> Search,
+    amplitudes: impl Fn(&Place) -> Vec<Amplitude>,
+) -> Vec<Candidate> {
+    let of_set = |places: &[&Place]| {
+        let own = |place: &&Place| -> Vec<Amplitude> {
+            let named = |it: Amplitude| Amplitude { name: format!("{}_{}", it.name, place.name), ..it };
+            amplitudes(place).into_iter().map(named).collect()
+        };
+        let names: Vec<&str> = places.iter().map(|place| place.name.as_str()).collect();
+        let sensors = places.iter().map(|place| place.sensor).collect();
+        let target = Target::Group { name: names.join(IN_COMMON), sensors };
+        Draft::new(search(), places.iter().flat_map(own).collect()).of(effect, target, Port::Output)
+    };
+    let of_dimension = |dimension: Dimension| {
+        let is_of_it = |place: &&Place| place.dimension() == dimension && (effect.acts_on)(place.kind);
+        let places: Vec<&Place> = inputs.places.iter().filter(is_of_it).collect();
+        let number = if places.len() > MOST_IN_COMMON || inputs.is_loop() { 0 } else { places.len() };
+        let sets = (0..1_usize << number).map(move |set| {
+            let of_set = |(place, _): &(usize, &&Place)| set >> place & 1 == 1;
+            places.iter().enumerate().filter(of_set).map(|(_, place)| *place).collect::<Vec<&Place>>()
+        });
+        sets.filter(|set| set.len() > 1)
+    };
+    let dimensions = [Dimension::AngularRate, Dimension::Acceleration, Dimension::Velocity];
+    dimensions.into_iter().flat_map(of_dimension).map(|set| of_set(&set)).collect()
 }
 
 /// Sensors that share an effect: a group, or a sensor that belongs to none.

@@ -183,11 +183,6 @@ impl Description {
         };
         self.placed.iter().map(&mut of_effect).collect()
     }
-
-    /// Number of items.
-    pub fn items(&self) -> usize {
-        self.placed.len() + self.changes.len()
-    }
 }
 
 impl<'b> Bench<'b> {

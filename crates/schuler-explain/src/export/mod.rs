@@ -482,6 +482,7 @@ position_m = [0.0, 0.1, 0.0]
         };
         let finding = Finding {
             sensor: sensor.into(),
+            sensors: Vec::new(),
             effect: effect.into(),
             probability: 1.0,
             class: Vec::new(),

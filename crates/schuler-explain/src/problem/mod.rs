@@ -103,20 +103,31 @@ pub fn within_delays(model: &Model, candidates: &[Candidate]) -> Model {
     })
 }
 
-/// Whether a candidate reaches anything that is compared. Shapes that are sought at every time or frequency, and noises, are of one
-/// sensor.
+/// Whether a candidate reaches anything that is compared. Noises are of one sensor.
 fn is_searched(model: &Model, candidate: &Candidate) -> bool {
     let is_group = matches!(candidate.target, Target::Group { .. });
     let has_shape = match &candidate.search {
         Search::Linear(signature) => !signature.columns.is_empty(),
         Search::Grid { parameters, .. } => parameters.iter().all(|parameter| !parameter.grid.is_empty()),
-        Search::Onset(_) | Search::Frequency | Search::Noise(_) => !is_group,
+        Search::Onset(_) | Search::Frequency => are_apart(model, candidate),
+        Search::Noise(_) => !is_group,
         Search::Readings(_) => candidate.is_jump(),
     };
     has_shape && sensors_of(candidate).iter().any(|&sensor| model.source_of(sensor, candidate.port).is_some())
 }
 
-/// As many effects as a record is expected to have, shared among all pairs of a place and an effect, and of each among its variants.
+/// Whether no two of a candidate's sensors are compared with each other: what is in common to those is in the motion.
+fn are_apart(model: &Model, candidate: &Candidate) -> bool {
+    let mut blocks: Vec<Option<usize>> =
+        sensors_of(candidate).into_iter().map(|sensor| model.block_of(sensor)).collect();
+    let sensors = blocks.len();
+    blocks.sort_unstable();
+    blocks.dedup();
+    blocks.len() == sensors && (sensors == 1 || !blocks.contains(&None))
+}
+
+/// As many effects as a record is expected to have, shared among all pairs of a place and an effect, and of each among its variants. What
+/// several sensors have in common is as probable as that of one of them; what it costs that others have it stands beside it.
 fn ln_prior(candidates: &[Candidate], config: &Config) -> Vec<f64> {
     let pair = |candidate: &Candidate| {
         let port = match candidate.port {
@@ -127,10 +138,17 @@ fn ln_prior(candidates: &[Candidate], config: &Config) -> Vec<f64> {
         (candidate.effect.id, sensors_of(candidate), port)
     };
     let mut variants: HashMap<_, f64> = HashMap::new();
-    for candidate in candidates {
+    let is_common = |candidate: &Candidate| {
+        let is_shape = matches!(candidate.search, Search::Onset(_) | Search::Frequency);
+        is_shape && matches!(candidate.target, Target::Group { .. })
+    };
+    for candidate in candidates.iter().filter(|it| !is_common(it)) {
         *variants.entry(pair(candidate)).or_default() += 1.0;
     }
     let pairs = variants.len().max(1) as f64;
-    let of = |candidate: &Candidate| (config.expected_effects / (pairs * variants[&pair(candidate)])).ln();
+    let of = |candidate: &Candidate| {
+        let variants = variants.get(&pair(candidate)).copied().unwrap_or(1.0);
+        (config.expected_effects / (pairs * variants)).ln()
+    };
     candidates.iter().map(of).collect()
 }

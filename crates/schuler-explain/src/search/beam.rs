@@ -3,6 +3,7 @@ use std::collections::HashSet;
 
 use rayon::prelude::*;
 
+use super::common::with_common;
 use super::known::Known;
 use super::library::Shelf;
 use super::moves::{
@@ -30,8 +31,10 @@ pub fn search(
 ) -> Beam {
     let mut kept = Kept { known: vec![(structure(&start), start)], ..Kept::default() };
     kept.expand(bench, library, ends);
-    if !ends(bench, &kept.known[0].1) && kept.jump(bench) {
-        kept.expand(bench, library, ends);
+    for reach in [Kept::share, Kept::jump, Kept::share] {
+        if !ends(bench, &kept.known[0].1) && reach(&mut kept, bench) {
+            kept.expand(bench, library, ends);
+        }
     }
     let descriptions = kept.known.into_iter().map(|(_, description)| description).collect();
     Beam { descriptions, others: Vec::new() }
@@ -88,6 +91,14 @@ impl Kept {
             });
             self.take(found);
         }
+    }
+
+    /// Tells once what sensors have in common. Whether the best description is better by it.
+    fn share(&mut self, bench: &Bench<'_>) -> bool {
+        let found = with_common(bench, &self.known[0].1);
+        let is_better = found.is_some();
+        self.take(found.into_iter().collect());
+        is_better
     }
 
     /// Seeks a telegraph beside the best description, in the place of each of its items, and in that of all steps, of all effects

@@ -10,6 +10,7 @@
 //! | [`levels`] | another white level in part of the rows |
 //! | [`moves`] | the descriptions that are one item away |
 //! | [`noises`] | other noises |
+//! | [`common`] | what several sensors have in common, told once |
 //! | [`crowds`] | lines that crowd in one band, and narrower bands for them |
 //! | [`pairs`] | a constant and what it hides |
 //! | [`telegraph`] | a mean that jumps on and off |
@@ -17,6 +18,7 @@
 //! | [`passes`] | the same again, the record whitened by what was found |
 pub mod beam;
 pub mod beside;
+pub mod common;
 pub mod crowds;
 pub mod known;
 pub mod late;

@@ -6,8 +6,7 @@ use super::beside::Beside;
 use super::library::Offer;
 use crate::bands::scan::{lines, ramps, steps};
 use crate::bands::sums::Sums;
-use crate::catalogue::{Candidate, OnsetShape, Port, Search};
-use crate::description::sensors_of;
+use crate::catalogue::{Candidate, OnsetShape, Port, Search, Target};
 use crate::evidence::amplitude::ln_gain;
 use crate::evidence::regressor::Regressor;
 use crate::evidence::system::add;
@@ -38,7 +37,9 @@ pub fn scans(beside: &Beside<'_>, among: &[usize]) -> Vec<Offer> {
         };
         let impulses = impulses(beside, index, sums);
         let of = |(number, candidate): (usize, &Candidate)| {
-            let sensor = sensors_of(candidate).first().copied().filter(|it| block.sensors.contains(it))?;
+            // What is in common is found on each sensor by itself.
+            let Target::Sensor(sensor) = candidate.target else { return None };
+            block.sensors.contains(&sensor).then_some(())?;
             let source =
                 Source { beside, block, sums, index, impulses: &impulses, sensor, port: candidate.port };
             match candidate.search {
