@@ -1,9 +1,9 @@
-//! How the state of the module becomes bytes and comes back: one walk over every value, those that change from step to step
+//! How the state of the module becomes bytes and comes back: one pass over every value, those that change from step to step
 //! and those that the configuration has determined. So a module is brought back without being configured, and what only
 //! configuring needs has not to be in flight.
 //!
-//! A [`Saved`] type hands its parts to the [`Walk`], always the same ones in the same order, whatever their values: so every
-//! value has its place in the bytes, and the walk can serve any stretch of them without a copy of the rest.
+//! A [`Saved`] type hands its parts to the [`Visitor`], always the same ones in the same order, whatever their values: so every
+//! value has its place in the bytes, and the visitor can serve any stretch of them without a copy of the rest.
 //!
 //! Numbers are little-endian, `usize` has four bytes, a truth value, the tag of an `enum` and that of an `Option` one byte, and
 //! what is not there its full size in zeros. NaN is always the same one.
@@ -22,8 +22,8 @@ const CRC: Crc<u32, Table> = Crc::<u32, Table>::new(&CRC_32_ISO_HDLC);
 
 /// Something whose values can be saved and brought back.
 pub trait Saved {
-    /// Hands all values to the walk, in a fixed order.
-    fn walk(&mut self, walk: &mut Walk<'_>);
+    /// Hands all values to the visitor, in a fixed order.
+    fn visit(&mut self, visitor: &mut Visitor<'_>);
 }
 
 /// What can stand in for something that is not there.
@@ -32,7 +32,7 @@ pub trait Blank: Saved + Sized {
     fn blank() -> Self;
 }
 
-/// What a walk is for.
+/// What a visitor is for.
 #[derive(Debug)]
 enum Purpose<'a> {
     /// Counts the bytes.
@@ -45,12 +45,12 @@ enum Purpose<'a> {
     Restore(&'a [u8]),
 }
 
-/// One walk over all values. It serves those from `begin` on for which there is room, or which are there; a value is served
+/// One pass over all values. It serves those from `begin` on for which there is room, or which are there; a value is served
 /// as a whole or not at all.
 #[derive(Debug)]
-pub struct Walk<'a> {
+pub struct Visitor<'a> {
     purpose: Purpose<'a>,
-    /// Where the walk stands, in bytes from the start.
+    /// Where the visitor stands, in bytes from the start.
     here: u32,
     begin: u32,
     /// Where the next value to be served begins.
@@ -85,7 +85,7 @@ impl Checksum {
     }
 }
 
-impl<'a> Walk<'a> {
+impl<'a> Visitor<'a> {
     /// Only counts the bytes.
     pub fn measure() -> Self {
         Self::new(Purpose::Measure, 0, Checksum::default())
@@ -119,7 +119,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Where the walk stands, in bytes from the start.
+    /// Where the visitor stands, in bytes from the start.
     pub fn here(&self) -> u32 {
         self.here
     }
@@ -234,12 +234,12 @@ macro_rules! number {
     ($($number:ident $(as $canonical:expr)?),*) => {$(
         impl Saved for $number {
             #[inline(never)]
-            fn walk(&mut self, walk: &mut Walk<'_>) {
+            fn visit(&mut self, visitor: &mut Visitor<'_>) {
                 let value = *self;
                 $(let value = $canonical(value);)?
                 let mut bytes = value.to_le_bytes();
-                let found = walk.bytes(&mut bytes);
-                walk.take(self, $number::from_le_bytes(bytes), found, true);
+                let found = visitor.bytes(&mut bytes);
+                visitor.take(self, $number::from_le_bytes(bytes), found, true);
             }
         }
 
@@ -261,9 +261,9 @@ number!(
 );
 
 impl Saved for bool {
-    fn walk(&mut self, walk: &mut Walk<'_>) {
+    fn visit(&mut self, visitor: &mut Visitor<'_>) {
         let mut tag = u8::from(*self);
-        walk.tag(&mut tag, 2);
+        visitor.tag(&mut tag, 2);
         *self = tag == 1;
     }
 }
@@ -275,9 +275,9 @@ impl Blank for bool {
 }
 
 impl<T: Saved, const N: usize> Saved for [T; N] {
-    fn walk(&mut self, walk: &mut Walk<'_>) {
+    fn visit(&mut self, visitor: &mut Visitor<'_>) {
         for value in self {
-            value.walk(walk);
+            value.visit(visitor);
         }
     }
 }
@@ -289,9 +289,9 @@ impl<T: Blank, const N: usize> Blank for [T; N] {
 }
 
 impl<A: Saved, B: Saved> Saved for (A, B) {
-    fn walk(&mut self, walk: &mut Walk<'_>) {
-        self.0.walk(walk);
-        self.1.walk(walk);
+    fn visit(&mut self, visitor: &mut Visitor<'_>) {
+        self.0.visit(visitor);
+        self.1.visit(visitor);
     }
 }
 
@@ -302,8 +302,8 @@ impl<A: Blank, B: Blank> Blank for (A, B) {
 }
 
 impl<T: Saved, const R: usize, const C: usize> Saved for SMatrix<T, R, C> {
-    fn walk(&mut self, walk: &mut Walk<'_>) {
-        self.data.0.walk(walk);
+    fn visit(&mut self, visitor: &mut Visitor<'_>) {
+        self.data.0.visit(visitor);
     }
 }
 
@@ -314,14 +314,14 @@ impl<T: Blank, const R: usize, const C: usize> Blank for SMatrix<T, R, C> {
 }
 
 impl<T: Blank> Saved for Option<T> {
-    fn walk(&mut self, walk: &mut Walk<'_>) {
+    fn visit(&mut self, visitor: &mut Visitor<'_>) {
         let mut there = self.is_some();
-        there.walk(walk);
+        there.visit(visitor);
         if there {
-            self.get_or_insert_with(T::blank).walk(walk);
+            self.get_or_insert_with(T::blank).visit(visitor);
         } else {
             *self = None;
-            T::blank().walk(walk);
+            T::blank().visit(visitor);
         }
     }
 }
@@ -334,35 +334,35 @@ impl<T: Blank> Blank for Option<T> {
 
 /// A number that stays below a bound.
 pub trait Bounded {
-    /// Hands it to the walk.
-    fn walk_below(&mut self, walk: &mut Walk<'_>, bound: u32);
+    /// Hands it to the visitor.
+    fn visit_below(&mut self, visitor: &mut Visitor<'_>, bound: u32);
 }
 
 impl Bounded for usize {
-    fn walk_below(&mut self, walk: &mut Walk<'_>, bound: u32) {
+    fn visit_below(&mut self, visitor: &mut Visitor<'_>, bound: u32) {
         let mut index = *self as u32;
-        if walk.below(&mut index, bound) {
+        if visitor.below(&mut index, bound) {
             *self = index as usize;
         }
     }
 }
 
 impl Bounded for u32 {
-    fn walk_below(&mut self, walk: &mut Walk<'_>, bound: u32) {
-        walk.below(self, bound);
+    fn visit_below(&mut self, visitor: &mut Visitor<'_>, bound: u32) {
+        visitor.below(self, bound);
     }
 }
 
 impl Bounded for u8 {
-    fn walk_below(&mut self, walk: &mut Walk<'_>, bound: u32) {
-        walk.tag(self, bound as u8);
+    fn visit_below(&mut self, visitor: &mut Visitor<'_>, bound: u32) {
+        visitor.tag(self, bound as u8);
     }
 }
 
 impl Bounded for Option<u8> {
-    fn walk_below(&mut self, walk: &mut Walk<'_>, bound: u32) {
+    fn visit_below(&mut self, visitor: &mut Visitor<'_>, bound: u32) {
         let mut tag = self.map_or(0, |number| number.saturating_add(1));
-        if walk.tag(&mut tag, bound as u8 + 1) {
+        if visitor.tag(&mut tag, bound as u8 + 1) {
             *self = tag.checked_sub(1);
         }
     }
@@ -382,19 +382,19 @@ macro_rules! saved {
     };
     ([$($generics:tt)*] $type:ty $(where [$($clauses:tt)*])? { $($field:ident $(< $bound:expr)?),* $(,)? } always) => {
         impl<$($generics)*> $crate::saved::Saved for $type $(where $($clauses)*)? {
-            fn walk(&mut self, walk: &mut $crate::saved::Walk<'_>) {
+            fn visit(&mut self, visitor: &mut $crate::saved::Visitor<'_>) {
                 let Self { $($field),* } = self;
                 $(
                     #[cfg(test)]
-                    walk.name(stringify!($field));
-                    $crate::saved::saved!(@walk $field, walk $(, $bound)?);
+                    visitor.name(stringify!($field));
+                    $crate::saved::saved!(@visit $field, visitor $(, $bound)?);
                 )*
             }
         }
     };
-    (@walk $field:ident, $walk:ident) => { $crate::saved::Saved::walk($field, $walk) };
-    (@walk $field:ident, $walk:ident, $bound:expr) => {
-        $crate::saved::Bounded::walk_below($field, $walk, ($bound) as u32)
+    (@visit $field:ident, $visitor:ident) => { $crate::saved::Saved::visit($field, $visitor) };
+    (@visit $field:ident, $visitor:ident, $bound:expr) => {
+        $crate::saved::Bounded::visit_below($field, $visitor, ($bound) as u32)
     };
     (@blank) => { $crate::saved::Blank::blank() };
     (@blank $bound:expr) => { Default::default() };
@@ -405,10 +405,10 @@ pub(crate) use saved;
 macro_rules! saved_choice {
     ($type:ty { $($variant:ident),* $(,)? }) => {
         impl $crate::saved::Saved for $type {
-            fn walk(&mut self, walk: &mut $crate::saved::Walk<'_>) {
+            fn visit(&mut self, visitor: &mut $crate::saved::Visitor<'_>) {
                 const ALL: &[$type] = &[$(<$type>::$variant),*];
                 let mut tag = match self { $(Self::$variant => Self::$variant as u8),* };
-                if walk.tag(&mut tag, ALL.len() as u8) && let Some(variant) = ALL.get(usize::from(tag)) {
+                if visitor.tag(&mut tag, ALL.len() as u8) && let Some(variant) = ALL.get(usize::from(tag)) {
                     *self = *variant;
                 }
             }
@@ -427,9 +427,9 @@ pub(crate) use saved_choice;
 macro_rules! saved_flags {
     ($type:ty) => {
         impl $crate::saved::Saved for $type {
-            fn walk(&mut self, walk: &mut $crate::saved::Walk<'_>) {
+            fn visit(&mut self, visitor: &mut $crate::saved::Visitor<'_>) {
                 let mut bits = u32::from(self.bits());
-                if walk.flags(&mut bits, u32::from(Self::all().bits())) {
+                if visitor.flags(&mut bits, u32::from(Self::all().bits())) {
                     *self = Self::from_bits_truncate(bits as _);
                 }
             }
@@ -445,7 +445,7 @@ macro_rules! saved_flags {
 pub(crate) use saved_flags;
 
 #[cfg(test)]
-impl Walk<'_> {
+impl Visitor<'_> {
     /// Takes the name of the next value into the fingerprint of the layout.
     pub(crate) fn name(&mut self, name: &str) {
         self.layout = self.layout.with(name.as_bytes()).with(&self.here.to_le_bytes());

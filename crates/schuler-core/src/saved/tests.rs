@@ -11,12 +11,12 @@ use crate::reading::Reading;
 use crate::thermal::{TemperatureRate, TemperatureRateConfig};
 
 fn bytes(value: &mut impl Saved) -> Vec<u8> {
-    let mut walk = Walk::measure();
-    value.walk(&mut walk);
-    let mut bytes = std::vec![0; walk.here() as usize];
-    let mut walk = Walk::save(0, &mut bytes);
-    value.walk(&mut walk);
-    assert_eq!(walk.served() as usize, bytes.len());
+    let mut visitor = Visitor::measure();
+    value.visit(&mut visitor);
+    let mut bytes = std::vec![0; visitor.here() as usize];
+    let mut visitor = Visitor::save(0, &mut bytes);
+    value.visit(&mut visitor);
+    assert_eq!(visitor.served() as usize, bytes.len());
     bytes
 }
 
@@ -32,9 +32,9 @@ fn goes_on<V: Saved + Clone, O: PartialEq + core::fmt::Debug>(
         }
         let saved = bytes(&mut one);
         let mut two = fresh.clone();
-        let mut walk = Walk::restore(0, &saved, Checksum::EMPTY);
-        two.walk(&mut walk);
-        assert_eq!((walk.served() as usize, walk.is_flawed()), (saved.len(), false));
+        let mut visitor = Visitor::restore(0, &saved, Checksum::EMPTY);
+        two.visit(&mut visitor);
+        assert_eq!((visitor.served() as usize, visitor.is_flawed()), (saved.len(), false));
         for k in before..before + crate::repeats(200) {
             assert_eq!(step(&mut one, k), step(&mut two, k));
         }
@@ -112,10 +112,10 @@ fn every_impossible_tag_and_index_is_found() {
     for at in 0..saved.len() {
         let mut wrong = saved.clone();
         wrong[at] = 0xee;
-        let mut walk = Walk::restore(0, &wrong, Checksum::EMPTY);
+        let mut visitor = Visitor::restore(0, &wrong, Checksum::EMPTY);
         if at % 8 == 0 || at > saved.len() - 2000 {
-            other.walk(&mut walk);
-            found += u32::from(walk.is_flawed());
+            other.visit(&mut visitor);
+            found += u32::from(visitor.is_flawed());
         }
     }
     // Behind the read-out: phase and its count, the stretch, two channels, three that may not be there.
@@ -135,8 +135,8 @@ fn the_layout_is_that_of_its_version() {
     };
     let mut module = std::boxed::Box::new(FlightModule::new());
     module.configure(&config).unwrap();
-    let mut walk = Walk::measure();
-    module.walk(&mut walk);
-    PublishedLoop::new().walk(&mut walk);
-    assert_eq!((STATE_VERSION, walk.layout.value()), (6, 3945593153));
+    let mut visitor = Visitor::measure();
+    module.visit(&mut visitor);
+    PublishedLoop::new().visit(&mut visitor);
+    assert_eq!((STATE_VERSION, visitor.layout.value()), (6, 3945593153));
 }

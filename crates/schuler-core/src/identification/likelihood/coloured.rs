@@ -42,7 +42,7 @@ impl LikelihoodIdentifier {
         self.begin_probe(filter, config, 0);
     }
 
-    /// Evaluates place number `scan`: swings of several periods with the other channel as it was found, the same
+    /// Evaluates point number `scan`: swings of several periods with the other channel as it was found, the same
     /// with the other channel as it is flown (for the first-order search may have bent it to follow the swing), and
     /// the swing that the read-out shows.
     fn begin_scan(&mut self, filter: &FilterConfig<f32>, channel: u8, scan: u8) {
@@ -51,7 +51,7 @@ impl LikelihoodIdentifier {
         let (found, flown) = (self.found, self.in_use);
         let scan_index = usize::from(scan);
         let periods = SCANNED_PERIODS_S.len();
-        let place = if let Some(period_s) = SCANNED_PERIODS_S.get(scan_index % periods)
+        let point = if let Some(period_s) = SCANNED_PERIODS_S.get(scan_index % periods)
             && scan_index < 2 * periods
         {
             let beta = core::f32::consts::TAU / period_s;
@@ -66,7 +66,7 @@ impl LikelihoodIdentifier {
                 (noise, other(&found))
             })
         };
-        if let Some((noise, other)) = place {
+        if let Some((noise, other)) = point {
             self.phase = Phase::Coloured { channel, scan };
             let other = ColouredNoise::from(&other);
             self.evaluate_coloured(
@@ -85,8 +85,8 @@ impl LikelihoodIdentifier {
     }
 
     /// Begins a replay with one channel's σ, α, β and the other's σ, α as given.
-    fn evaluate_coloured(&mut self, filter: &FilterConfig<f32>, channel: u8, place: [f32; 5]) {
-        let [sigma, alpha, beta, other_sigma, other_alpha] = place;
+    fn evaluate_coloured(&mut self, filter: &FilterConfig<f32>, channel: u8, point: [f32; 5]) {
+        let [sigma, alpha, beta, other_sigma, other_alpha] = point;
         // Slower than the window or faster than the sampling can show, there is no swing.
         let sample_s = filter.step_s * DECIMATION as f32;
         let within = |alpha: f32| alpha.min(2.0 / sample_s).max(1.0 / LONGEST_TAU_S);
@@ -124,8 +124,8 @@ impl LikelihoodIdentifier {
         let hopeless = simplex.evaluations() >= COLOURED_PATIENCE && self.coloured_best.1 < self.found_value;
         let going_on = simplex.spread() > SEARCH_TOLERANCE && simplex.evaluations() < COLOURED_EVALUATIONS;
         if going_on && !hopeless {
-            let place = simplex.wanted().map(libm::expf);
-            return self.evaluate_coloured(filter, channel, place);
+            let point = simplex.wanted().map(libm::expf);
+            return self.evaluate_coloured(filter, channel, point);
         }
         let (best, value) = self.coloured_best;
         if value >= self.coloured_value.max(self.found_value + COLOURED_GAIN) {

@@ -28,17 +28,17 @@ use crate::saved::saved;
 use carry::{aged, carried, difference, middle_to_end};
 use limits::{Limits, prior};
 use phase::Phase;
-use place::{NARROW, Place};
 use search::REPLAY_SAMPLES;
+use workspace::{NARROW, Workspace};
 
 mod carry;
 mod coloured;
 mod limits;
 mod phase;
-mod place;
 mod published;
 mod retune;
 mod search;
+mod workspace;
 
 /// Samples replayed per step while lagged products are collected.
 const READ_OUT_SAMPLES: u32 = 192;
@@ -70,14 +70,14 @@ pub struct LikelihoodIdentifier {
     wide: WideBank,
     /// Members of the wide bank that have been started.
     begun: usize,
-    /// This step has laid out the wide bank.
+    /// This step has built the wide bank.
     laid: bool,
     /// Means and standard deviations of ΔV, m/s, and δ, rad, that its members start from.
     first: [[f32; 2]; 2],
     /// They are those of a start in the midst of a flight.
     restarted: bool,
-    places: [Place; 2],
-    /// The place of the narrow bank in use, once there is one.
+    places: [Workspace; 2],
+    /// Index of the workspace of the narrow bank in use, once there is one.
     active: Option<u8>,
     simplex: Simplex<4, 5>,
     coloured_simplex: Simplex<5, 6>,
@@ -126,7 +126,7 @@ impl LikelihoodIdentifier {
             laid: false,
             first: [[0.0; 2]; 2],
             restarted: false,
-            places: [Place::EMPTY; 2],
+            places: [Workspace::EMPTY; 2],
             active: None,
             simplex: Simplex::idle(),
             coloured_simplex: Simplex::idle(),
@@ -306,7 +306,7 @@ impl LikelihoodIdentifier {
         self.retunes
     }
 
-    /// Index of the place that is not in use.
+    /// Index of the workspace that is not in use.
     fn spare(&self) -> usize {
         usize::from(self.active == Some(0))
     }
@@ -316,7 +316,7 @@ impl LikelihoodIdentifier {
             Phase::Waiting => self.wait(filter, config),
             Phase::ReadOut { pass } => {
                 let spare = self.spare();
-                let read_out = self.places.get_mut(spare).and_then(Place::read_out)?;
+                let read_out = self.places.get_mut(spare).and_then(Workspace::read_out)?;
                 if self.replay.advance(&self.window, READ_OUT_SAMPLES, Some(read_out)) {
                     self.next_pass(filter, pass + 1);
                 }
@@ -338,7 +338,7 @@ impl LikelihoodIdentifier {
                 let there = there || self.coloured.is_none();
                 let spare = self.spare();
                 let variance_of_one = filter.velocity_noise * filter.velocity_noise;
-                if let Some(bank) = self.places.get_mut(spare).and_then(Place::bank_mut) {
+                if let Some(bank) = self.places.get_mut(spare).and_then(Workspace::bank_mut) {
                     for _ in 0..CATCH_UP_PARTS {
                         bank.advance(&self.window, variance_of_one);
                     }

@@ -1,6 +1,6 @@
 //! Where an identification stands.
-use super::place::NARROW;
-use crate::saved::{Saved, Walk};
+use super::workspace::NARROW;
+use crate::saved::{Saved, Visitor};
 
 /// Where the current identification stands.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,7 +26,7 @@ pub(super) enum Phase {
 }
 
 impl Saved for Phase {
-    fn walk(&mut self, walk: &mut Walk<'_>) {
+    fn visit(&mut self, visitor: &mut Visitor<'_>) {
         let (mut tag, mut first, mut second) = match *self {
             Self::Waiting => (0, 0, 0),
             Self::Search { start } => (1, start, 0),
@@ -38,10 +38,10 @@ impl Saved for Phase {
             Self::Populate { member } => (7, member, 0),
             Self::CatchUp => (8, 0, 0),
         };
-        walk.tag(&mut tag, 9);
+        visitor.tag(&mut tag, 9);
         // The longest series that a phase counts through.
-        walk.tag(&mut first, NARROW as u8);
-        second.walk(walk);
+        visitor.tag(&mut first, NARROW as u8);
+        second.visit(visitor);
         *self = match tag {
             0 => Self::Waiting,
             1 => Self::Search { start: first },

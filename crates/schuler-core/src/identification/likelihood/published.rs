@@ -2,7 +2,7 @@
 use super::LikelihoodIdentifier;
 use super::limits::Limits;
 use super::phase::Phase;
-use super::place::Place;
+use super::workspace::Workspace;
 use crate::filter::{FilterConfig, MarkovNoise};
 use crate::identification::IdentificationConfig;
 use crate::identification::read_out::PASSES;
@@ -15,11 +15,11 @@ impl LikelihoodIdentifier {
             let Stretch { begin, end, .. } = self.stretch;
             let found = self.found;
             let spare = self.spare();
-            if let Some(place) = self.places.get_mut(spare) {
-                if place.bank().is_some() {
-                    place.empty(true);
+            if let Some(workspace) = self.places.get_mut(spare) {
+                if workspace.bank().is_some() {
+                    workspace.empty(true);
                 }
-                if let Some(read_out) = place.read_out() {
+                if let Some(read_out) = workspace.read_out() {
                     if pass == 0 {
                         read_out.clear();
                     }
@@ -38,7 +38,7 @@ impl LikelihoodIdentifier {
     pub(super) fn fit(&mut self, filter: &FilterConfig<f32>, config: &IdentificationConfig, channel: u8) {
         let spacing_s = filter.step_s * DECIMATION as f32;
         let spare = self.spare();
-        let Some(read_out) = self.places.get_mut(spare).and_then(Place::read_out) else { return };
+        let Some(read_out) = self.places.get_mut(spare).and_then(Workspace::read_out) else { return };
         let read = read_out.fit(usize::from(channel), spacing_s);
         if let Some(slot) = self.filter_variance.get_mut(usize::from(channel)) {
             *slot = read.filter_variance;

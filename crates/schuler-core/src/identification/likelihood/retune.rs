@@ -2,7 +2,7 @@
 use super::carry::{carried, difference, middle_to_end};
 use super::limits::Limits;
 use super::phase::Phase;
-use super::place::{CENTRE, NARROW, Place};
+use super::workspace::{CENTRE, NARROW, Workspace};
 use super::{LikelihoodIdentifier, Retuned};
 use crate::filter::{FilterConfig, Kernel, MarkovNoise};
 use crate::identification::bank::Grid;
@@ -76,10 +76,10 @@ impl LikelihoodIdentifier {
         };
         let (found, status) = (self.found, self.status);
         let spare = self.spare();
-        if let Some(place) = self.places.get_mut(spare) {
-            place.empty(false);
+        if let Some(workspace) = self.places.get_mut(spare) {
+            workspace.empty(false);
         }
-        if let Some(bank) = self.places.get_mut(spare).and_then(Place::bank_mut) {
+        if let Some(bank) = self.places.get_mut(spare).and_then(Workspace::bank_mut) {
             bank.lay(filter, grid(&found.accelerometer, status[0]), grid(&found.gyro, status[1]));
         }
         self.populate(filter, 0);
@@ -89,12 +89,12 @@ impl LikelihoodIdentifier {
     pub(super) fn populate(&mut self, filter: &FilterConfig<f32>, member: u8) {
         let spare = self.spare();
         if usize::from(member) < NARROW {
-            let bank = self.places.get(spare).and_then(Place::bank);
+            let bank = self.places.get(spare).and_then(Workspace::bank);
             let noise = bank.map_or(self.found, |bank| bank.noise(usize::from(member)));
             self.phase = Phase::Populate { member };
             self.evaluate(filter, &noise);
         } else {
-            if let Some(bank) = self.places.get_mut(spare).and_then(Place::bank_mut) {
+            if let Some(bank) = self.places.get_mut(spare).and_then(Workspace::bank_mut) {
                 bank.start_at(self.stretch.end);
             }
             if let Some(coloured) = self.coloured {

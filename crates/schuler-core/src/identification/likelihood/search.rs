@@ -2,7 +2,7 @@
 use super::LikelihoodIdentifier;
 use super::limits::{Limits, prior};
 use super::phase::Phase;
-use super::place::Place;
+use super::workspace::Workspace;
 use crate::filter::FilterConfig;
 use crate::identification::bank::ChannelNoise;
 use crate::identification::read_out::LAGS;
@@ -14,7 +14,7 @@ use crate::number::select;
 
 /// Samples replayed per step.
 pub(super) const REPLAY_SAMPLES: u32 = 256;
-/// Samples not replayed in a step that has laid out the wide bank: that, and what else a jump of the clock restarts, takes as long.
+/// Samples not replayed in a step that has built the wide bank: that, and what else a jump of the clock restarts, takes as long.
 const LAYING_SAMPLES: u32 = 91;
 /// Edge of the first simplex, in the logarithms of the parameters.
 const SEARCH_STEP: f32 = 0.7;
@@ -120,7 +120,7 @@ impl LikelihoodIdentifier {
             }
             Phase::Populate { member } => {
                 let spare = self.spare();
-                let bank = self.places.get_mut(spare).and_then(Place::bank_mut);
+                let bank = self.places.get_mut(spare).and_then(Workspace::bank_mut);
                 if let (Some(bank), Some(state)) = (bank, self.replay.state()) {
                     bank.start_member(usize::from(member), state, value - self.found_value);
                 }
