@@ -105,6 +105,6 @@ fn onsets_inside_a_loop_are_counted() {
     let false_alarms = false_alarms.count();
     println!("{false_alarms} of {TRIALS} at {}", SHARE * LEVEL);
     assert!(false_alarms <= most(TRIALS, SHARE * LEVEL), "{false_alarms}");
-    // Not by a price that nothing can pay.
+    // A limit that no score can reach would give none.
     assert!(false_alarms >= 1, "{false_alarms}");
 }
