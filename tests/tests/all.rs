@@ -25,6 +25,7 @@ mod health_golden;
 mod health_guards;
 mod health_recording;
 mod health_robustness;
+mod house;
 mod identify_oracle;
 mod isolation_acceptance;
 mod isolation_comparison;

@@ -231,19 +231,19 @@ fn tmp_12_a_missing_cycle_is_named() {
     assert!((0.7..1.3).contains(&errors), "{errors}");
 }
 
-/// Residual gyro bias of a flight along `course`, corrected with the calibration and the real-time temperature and rate of
+/// Residual gyro bias of a flight along `history`, corrected with the calibration and the real-time temperature and rate of
 /// a thermometer with this quantum; square sums of residual and of the uncorrected thermal variation.
 fn fly(
     table: &CalibrationTable,
     calibration: &Calibration,
-    course: &[SensorTemperature],
+    history: &[SensorTemperature],
     quantum: f64,
 ) -> (f64, f64) {
     let compensator = Compensator::try_build(&calibration.compensation_block()).expect("a valid block");
     let config = TemperatureRateConfig::of_quantum(quantum as f32);
     let mut thermometer = TemperatureRate::try_build(&config).expect("valid");
     let (mut residual, mut variation) = (0.0, 0.0);
-    for (t, truth) in course.iter().enumerate() {
+    for (t, truth) in history.iter().enumerate() {
         let reading = (truth.temperature / quantum + 0.5).floor() * quantum;
         let estimate = thermometer.step(1000 * t as u64, &Reading::good(reading as f32));
         if t < 600 {
@@ -258,10 +258,10 @@ fn fly(
 }
 
 /// TMP-13: features by hindsight from a quantised thermometer, and flights with the coefficients so found: along the chamber
-/// course of the slow set, for which the bars are, and along a faster one with loads that come and go every twenty minutes.
+/// history of the slow set, for which the bars are, and along a faster one with loads that come and go every twenty minutes.
 #[test]
 fn tmp_13_quantised_thermometer_on_the_ground_and_in_flight() {
-    let slow = SLOW[1].course(0.03);
+    let slow = SLOW[1].history(0.03);
     let slow: Vec<SensorTemperature> = slow
         .temperature
         .iter()
@@ -282,8 +282,8 @@ fn tmp_13_quantised_thermometer_on_the_ground_and_in_flight() {
                 run(complete_unit(UP_AND_DOWN), FeatureSet::TemperatureRate, Known::Quantum(quantum), seed);
             let calibration = calibrate(&experiment).expect("a calibration");
             errors.extend(normalised_errors(&table, &calibration));
-            for (sum, course) in sums.iter_mut().zip([&slow, &fast]) {
-                let (residual, variation) = fly(&table, &calibration, course, quantum);
+            for (sum, history) in sums.iter_mut().zip([&slow, &fast]) {
+                let (residual, variation) = fly(&table, &calibration, history, quantum);
                 *sum = (sum.0 + residual, sum.1 + variation);
             }
         }

@@ -2,15 +2,15 @@
 use schuler_core::reading::Reading;
 use schuler_core::thermal::{TemperatureRate, TemperatureRateConfig, TemperatureRateOutput, ThermalStatus};
 use schuler_tests::temperature_rate::competitors::Method;
-use schuler_tests::temperature_rate::heat::{Course, HELD_OUT, PHASES, Profile, SLOW, TUNING_PHASES, read};
+use schuler_tests::temperature_rate::heat::{HELD_OUT, History, PHASES, Profile, SLOW, TUNING_PHASES, read};
 
 const QUANTA: [f64; 4] = [0.0625, 0.25, 0.5, 1.0];
 /// Errors count from here, s.
 const SETTLED: usize = 600;
 
-/// One course with its readings.
+/// One history with its readings.
 struct Run {
-    course: Course,
+    history: History,
     readings: Vec<f64>,
 }
 
@@ -18,10 +18,10 @@ fn runs(profiles: &[Profile], phases: &[f64], quantum: f64, noise: f64) -> Vec<R
     let mut runs = Vec::new();
     for (p, profile) in profiles.iter().enumerate() {
         for phase in phases {
-            let course = profile.course(phase * quantum);
+            let history = profile.history(phase * quantum);
             let seed = (p as u64) << 32 | (phase * 1000.0) as u64;
-            let readings = read(&course, quantum, noise * quantum, seed);
-            runs.push(Run { course, readings });
+            let readings = read(&history, quantum, noise * quantum, seed);
+            runs.push(Run { history, readings });
         }
     }
     runs
@@ -32,7 +32,7 @@ fn rate_error(runs: &[Run], estimate: impl Fn(&[f64]) -> Vec<f64>) -> f64 {
     let (mut sum, mut count) = (0.0, 0);
     for run in runs {
         let rates = estimate(&run.readings);
-        for (rate, truth) in rates.iter().zip(&run.course.rate).skip(SETTLED) {
+        for (rate, truth) in rates.iter().zip(&run.history.rate).skip(SETTLED) {
             sum += (rate - truth).powi(2);
             count += 1;
         }
@@ -128,8 +128,8 @@ fn tmp_9_temperature_and_sigmas_in_slow_change() {
             for run in runs(&SLOW, &PHASES, quantum, noise) {
                 let outputs = fly(&run.readings, quantum);
                 for (t, out) in outputs.iter().enumerate().skip(SETTLED) {
-                    square += (f64::from(out.temperature) - run.course.temperature[t]).powi(2);
-                    let rate_error = f64::from(out.rate) - run.course.rate[t];
+                    square += (f64::from(out.temperature) - run.history.temperature[t]).powi(2);
+                    let rate_error = f64::from(out.rate) - run.history.rate[t];
                     beyond += u32::from(rate_error.abs() > 3.0 * f64::from(out.rate_sigma));
                     count += 1;
                 }

@@ -9,14 +9,14 @@ use schuler_core::thermal::{
 use schuler_tests::temperature_rate::heat::{SLOW, read};
 use schuler_tests::temperature_rate::incremental::Incremental;
 
-/// The course of G3: temperature, degC, and rate, degC/s.
-fn course(t: f64) -> (f64, f64) {
+/// The history of G3: temperature, degC, and rate, degC/s.
+fn history(t: f64) -> (f64, f64) {
     let (slow, fast) = ((-t / 2400.0).exp(), (-t / 700.0).exp());
     (20.0 + 25.0 * (1.0 - slow) - 6.0 * (1.0 - fast), 25.0 / 2400.0 * slow - 6.0 / 700.0 * fast)
 }
 
 fn reading(t: f64, quantum: f64) -> f64 {
-    (course(t).0 / quantum + 0.5).floor() * quantum
+    (history(t).0 / quantum + 0.5).floor() * quantum
 }
 
 /// Runs G3 with an altered input: `alter` gives time (ms) and reading for each second.
@@ -114,7 +114,7 @@ fn check_g3<F: Scalar>(tolerance_t: f64, tolerance_d: f64) {
 
     let rmse = |outputs: &[TemperatureRateOutput<F>]| {
         let errors = outputs.iter().enumerate().skip(600);
-        let squares = errors.map(|(t, o)| (3600.0 * (double(o.rate) - course(t as f64).1)).powi(2));
+        let squares = errors.map(|(t, o)| (3600.0 * (double(o.rate) - history(t as f64).1)).powi(2));
         (squares.sum::<f64>() / (outputs.len() - 600) as f64).sqrt()
     };
     assert!((rmse(&fine) - 0.156624).abs() < tolerance_d, "{}", rmse(&fine));
@@ -366,7 +366,7 @@ fn dense_form_a(entries: &[(f64, f64)], quantum: f64, t: f64) -> (f64, f64) {
 #[test]
 fn tmp_7_form_b_is_the_regression_of_the_model() {
     let quantum = 0.25;
-    let readings = read(&SLOW[1].course(0.19 * quantum), quantum, 0.1 * quantum, 3);
+    let readings = read(&SLOW[1].history(0.19 * quantum), quantum, 0.1 * quantum, 3);
     let mut estimator =
         TemperatureRate::try_build(&TemperatureRateConfig::of_quantum(quantum)).expect("valid");
     for (t, y) in readings.iter().enumerate() {
@@ -388,7 +388,7 @@ fn tmp_7_form_b_is_the_regression_of_the_model() {
 #[test]
 fn tmp_8_incremental_form_keeps_its_numerics() {
     let quantum = 0.25;
-    let readings = read(&SLOW[1].course(0.19 * quantum), quantum, 0.0, 0);
+    let readings = read(&SLOW[1].history(0.19 * quantum), quantum, 0.0, 0);
     let mut estimator =
         TemperatureRate::try_build(&TemperatureRateConfig::of_quantum(quantum)).expect("valid");
     let r = (quantum / 4.0f64).powi(2);

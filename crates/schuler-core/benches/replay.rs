@@ -95,14 +95,10 @@ fn measured_health(health: &mut HealthMonitor<f32, 2>, inputs: &[StepInput]) {
 /// Filter, isolation, one thermometer and the monitor one after another in each step, as in a replay.
 #[inline(never)]
 fn measured_four(
-    (filter, isolation, thermometer, health): &mut (
-        ErrorFilter<f32>,
-        FaultIsolation,
-        TemperatureRate<f32>,
-        HealthMonitor<f32, 2>,
-    ),
+    parts: &mut (ErrorFilter<f32>, FaultIsolation, TemperatureRate<f32>, HealthMonitor<f32, 2>),
     inputs: &[StepInput],
 ) {
+    let (filter, isolation, thermometer, health) = parts;
     for input in inputs {
         black_box(filter.step(Some(input.velocity_error.value)));
         black_box(isolation.step(&input.gyros, None));

@@ -43,8 +43,8 @@ fn gyros(number: usize, rows: usize, drift: f64) -> Recording {
                 markov: Some(Markov { sigma: 0.5 * WHITE, tau_s: 50.0 }),
                 ..Nominal::default()
             };
-            let kind = (SensorKind::Fog, Unit::RadianPerSecond);
-            common::series(&format!("gyro_{index}"), kind, axis, nominal, values)
+            let (kind, unit) = (SensorKind::Fog, Unit::RadianPerSecond);
+            common::series(&format!("gyro_{index}"), kind, unit, axis, nominal, values)
         })
         .collect();
     common::recording(MotionKind::Unknown, sensors)

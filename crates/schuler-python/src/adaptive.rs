@@ -128,7 +128,9 @@ impl AdaptiveFilter {
         let radio = self.beside("radio_velocity", radio_velocity, measured.len())?;
         let inertial = self.beside("inertial_velocity", inertial_velocity, measured.len())?;
         let rows = measured.into_iter().zip(radio.into_iter().zip(inertial));
-        let outputs: Vec<StepOutput> = py.detach(|| rows.map(|row| self.step(row)).collect());
+        let outputs: Vec<StepOutput> = py.detach(|| {
+            rows.map(|(velocity, (radio, inertial))| self.step(velocity, radio, inertial)).collect()
+        });
         let channel = |noise: fn(&StepOutput) -> NoiseEstimate| {
             let rows = outputs.iter().map(noise);
             array2(py, rows.map(|it| [it.noise.sigma, it.noise.alpha, it.noise.beta]).collect())
@@ -188,7 +190,7 @@ impl AdaptiveFilter {
         Err(wrong(format!("{name}: found {} values; expected {length}, as in velocity_error", values.len())))
     }
 
-    fn step(&mut self, (velocity, (radio, inertial)): (f64, (f64, f64))) -> StepOutput {
+    fn step(&mut self, velocity: f64, radio: f64, inertial: f64) -> StepOutput {
         self.steps += 1;
         let time_ms = (self.steps as f64 * self.step_ms).round() as u64;
         // A value that is not finite counts as missing in the module.

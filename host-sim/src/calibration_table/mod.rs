@@ -18,7 +18,7 @@ const EARTH_RATE: f64 = 7.292_115e-5;
 /// Seconds between cycles, for remounting.
 const REMOUNTING_S: usize = 300;
 
-/// A course of the chamber and of the unit's power over the whole run.
+/// A history of the chamber and of the unit's power over the whole run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Programme {
     /// The chamber goes up and down between two temperatures with this period, s, in ramps and holds; the unit warms up.
@@ -189,7 +189,7 @@ impl CalibrationTable {
     ) -> Result<TableRecord, Interrupted> {
         let mut random = Pcg64::seed_from_u64(seed);
         let length = 3 * (self.cycle_s + REMOUNTING_S) + 1;
-        let temperature = self.programme.course(length, self.cycle_s + REMOUNTING_S);
+        let temperature = self.programme.history(length, self.cycle_s + REMOUNTING_S);
         let cycles = (0..3)
             .map(|axis| self.cycle(axis, &temperature, &mut random, watch))
             .collect::<Result<_, _>>()?;
@@ -282,7 +282,7 @@ impl CalibrationTable {
 }
 
 impl Programme {
-    fn course(&self, length: usize, cycle: usize) -> Vec<SensorTemperature> {
+    fn history(&self, length: usize, cycle: usize) -> Vec<SensorTemperature> {
         let plain = |temperature: f64, rate: f64| SensorTemperature { temperature, rate, gradient: [0.0; 3] };
         match *self {
             Self::Steady(t) => vec![plain(t, 0.0); length],
@@ -424,10 +424,10 @@ mod tests {
     #[test]
     fn temperature_rate_is_the_derivative_of_the_temperature() {
         let programme = Programme::UpAndDown { low: 0.0, high: 50.0, period_s: 3000.0, load: 3.0 };
-        let course = programme.course(8000, 3600);
+        let history = programme.history(8000, 3600);
         for t in 1..7999 {
-            let slope = 0.5 * (course[t + 1].temperature - course[t - 1].temperature);
-            assert!((slope - course[t].rate).abs() < 2e-5, "{t}: {slope} {}", course[t].rate);
+            let slope = 0.5 * (history[t + 1].temperature - history[t - 1].temperature);
+            assert!((slope - history[t].rate).abs() < 2e-5, "{t}: {slope} {}", history[t].rate);
         }
     }
 }

@@ -138,10 +138,11 @@ fn select(octaves: &[Octave]) -> Option<(Support, Squares, f64)> {
             let misfit = misfit(octaves, &squares);
             (feasible && misfit.is_finite()).then_some((support, squares, misfit))
         })
-        .min_by(|a, b| penalised(a).total_cmp(&penalised(b)))
+        .min_by(|a, b| penalised(a.0, a.2).total_cmp(&penalised(b.0, b.2)))
 }
 
-fn penalised((support, _, misfit): &(Support, Squares, f64)) -> f64 {
+/// A misfit with what each term in use costs.
+fn penalised(support: Support, misfit: f64) -> f64 {
     misfit + LEAST_GAIN * support.iter().filter(|&&used| used).count() as f64
 }
 

@@ -214,6 +214,17 @@ struct Drive {
     added: f64,
 }
 
+/// One part of a step, in which the drive goes linearly from start to end.
+struct Part {
+    start: Drive,
+    end: Drive,
+    /// Pick-off angle that the loop holds at zero, rad.
+    null: f64,
+    /// Time at its start, s.
+    time_s: f64,
+    duration_s: f64,
+}
+
 impl Accelerometer {
     /// The accelerometer called `name` of the run with this seed.
     ///
@@ -275,16 +286,8 @@ impl Accelerometer {
             let (start, end) = (drive(w0, f0, &w_dot), drive(w1, f1, &w_dot));
             let mean = if d.full_rate {
                 let state = last_state.unwrap_or_else(|| self.settled(&start, null));
-                let (state, mean) = self.integrate(
-                    state,
-                    &start,
-                    &end,
-                    null,
-                    &vibration,
-                    around.vibration_hz,
-                    time_s,
-                    part_s,
-                );
+                let part = Part { start, end, null, time_s, duration_s: part_s };
+                let (state, mean) = self.integrate(state, &part, &vibration, around.vibration_hz);
                 last_state = Some(state);
                 mean
             } else {
@@ -336,18 +339,14 @@ impl Accelerometer {
     }
 
     /// Full-rate integration over one part; returns the state and the mean servo torque.
-    #[expect(clippy::too_many_arguments, reason = "one part of a step is just this much")]
     fn integrate(
         &self,
         mut state: Vector4<f64>,
-        start: &Drive,
-        end: &Drive,
-        null: f64,
+        part: &Part,
         vibration: &Vector3<f64>,
         vibration_hz: f64,
-        time_s: f64,
-        part_s: f64,
     ) -> (Vector4<f64>, f64) {
+        let Part { start, end, null, time_s, duration_s: part_s } = *part;
         let p = &self.design.pendulum;
         let fastest = p.torquer.max(p.damping / p.inertia).max((p.servo / p.inertia).sqrt());
         let steps = (part_s * fastest * 3.0).ceil().max(1.0) as usize;

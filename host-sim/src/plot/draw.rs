@@ -123,7 +123,8 @@ fn draw_layer(
             label
         }
         Layer::Band { label, x, low, high, colour } => {
-            draw_band(chart, label, x, low, high, *colour, x_range, &clip)?;
+            let band = Band { label, x, low, high, colour: *colour };
+            draw_band(chart, &band, x_range, &clip)?;
             label
         }
         Layer::Vertical { label, x, colour } => {
@@ -152,17 +153,22 @@ fn legend_line(drawn: &mut plotters::chart::SeriesAnno<'_, SVGBackend<'_>>, labe
     }
 }
 
-#[expect(clippy::too_many_arguments, reason = "a band has two lines")]
+/// A band between two lines.
+struct Band<'b> {
+    label: &'b str,
+    x: &'b [f64],
+    low: &'b [f64],
+    high: &'b [f64],
+    colour: Colour,
+}
+
 fn draw_band(
     chart: &mut Chart<'_, '_>,
-    label: &str,
-    x: &[f64],
-    low: &[f64],
-    high: &[f64],
-    colour: Colour,
+    band: &Band<'_>,
     x_range: (f64, f64),
     clip: &dyn Fn(f64) -> f64,
 ) -> Result<(), DrawError> {
+    let Band { label, x, low, high, colour } = *band;
     let shade = ink(colour).mix(0.3);
     // Both lines finite, so that their pieces go together.
     let lower: Vec<f64> =

@@ -8,7 +8,7 @@ pub type Environment = fn(f64) -> f64;
 /// Dissipated power, relative, at a time in s.
 pub type Power = fn(f64) -> f64;
 
-/// One course of temperature.
+/// One history of temperature.
 #[derive(Clone, Copy, Debug)]
 pub struct Profile {
     /// Time constant of the inner mass, s.
@@ -27,7 +27,7 @@ pub struct Profile {
 
 /// True temperature (degC) and rate (degC/s), a sample a second.
 #[derive(Clone, Debug, Default)]
-pub struct Course {
+pub struct History {
     /// degC.
     pub temperature: Vec<f64>,
     /// degC/s.
@@ -36,19 +36,19 @@ pub struct Course {
 
 impl Profile {
     /// Integrates the model with `offset` (degC) added to the environment.
-    pub fn course(&self, offset: f64) -> Course {
+    pub fn history(&self, offset: f64) -> History {
         let mut inner = (self.environment)(0.0) + offset;
         let mut outer = inner;
-        let mut course = Course::default();
+        let mut history = History::default();
         for t in 0..self.length_s {
             let t = t as f64;
             let rate = (outer - inner) / self.inner_s + (self.power)(t) * self.rise / self.inner_s;
-            course.temperature.push(inner);
-            course.rate.push(rate);
+            history.temperature.push(inner);
+            history.rate.push(rate);
             inner += rate;
             outer += ((self.environment)(t) + offset - outer) / self.outer_s;
         }
-        course
+        history
     }
 }
 
@@ -56,10 +56,10 @@ impl Profile {
 ///
 /// # Panics
 /// On a noise that is not a number.
-pub fn read(course: &Course, quantum: f64, noise: f64, seed: u64) -> Vec<f64> {
+pub fn read(history: &History, quantum: f64, noise: f64, seed: u64) -> Vec<f64> {
     let mut random = Pcg64::seed_from_u64(seed);
     let normal = Normal::new(0.0, noise).expect("a finite sigma");
-    course
+    history
         .temperature
         .iter()
         .map(|t| ((t + normal.sample(&mut random)) / quantum + 0.5).floor() * quantum)

@@ -69,8 +69,8 @@ struct Work {
 }
 
 impl Member {
-    /// Takes a sample, and adds to the moments of the bank, of which the mean before and the greatest log-weight before are
-    /// given. One function for banks of any size.
+    /// Takes a sample, and adds to the moments of the bank. `before` holds the bank's mean and greatest log-weight before the
+    /// sample. One function for banks of any size.
     ///
     /// Mean and variance are carried from member to member as moments of the mixture so far (West's recursion): every term of
     /// the variance is positive and nothing is subtracted, so that it neither cancels nor, with weights of 10⁻³⁵, underflows.
@@ -80,9 +80,10 @@ impl Member {
         work: &Work,
         model: &DiscreteModel<f32>,
         noise: &ChannelNoise,
-        (reference, greatest): (&[f32; 4], f32),
+        before: (&[f32; 4], f32),
         sums: &mut Sums,
     ) {
+        let (reference, greatest) = before;
         let Work { velocity, variance, present, jumped, counts } = *work;
         let mut in_vain = *self;
         let member = select(counts, self, &mut in_vain);

@@ -4,7 +4,7 @@
 //! values in them, kept by absolute index while the newest [`CAPACITY`] last.
 
 use crate::number::{real, select};
-use crate::saved::{Saved, Walk, saved};
+use crate::saved::{Saved, Visitor, saved};
 
 /// Steps averaged into one sample, D.
 pub const DECIMATION: u32 = 10;
@@ -194,8 +194,8 @@ saved!([] MeasurementWindow {
 } always);
 
 impl Saved for Packed {
-    fn walk(&mut self, walk: &mut Walk<'_>) {
-        self.0.walk(walk);
+    fn visit(&mut self, visitor: &mut Visitor<'_>) {
+        self.0.visit(visitor);
     }
 }
 

@@ -8,7 +8,7 @@ use crate::filter::{FilterConfig, MarkovNoise, positive};
 use crate::health::HealthConfig;
 use crate::identification::IdentificationConfig;
 use crate::isolation::{FaultIsolation, IsolationConfig};
-use crate::saved::{Saved, Walk, saved};
+use crate::saved::{Saved, Visitor, saved};
 use crate::thermal::TemperatureRateConfig;
 
 /// Everything that the module can be told before the flight.
@@ -70,15 +70,15 @@ impl ModuleConfig {
             max_age_ms,
             velocity_range,
         } = &mut self;
-        let mut sum = Walk::sum();
-        filter.walk(&mut sum);
-        identification.walk(&mut sum);
-        isolation.walk(&mut sum);
-        thermometers.walk(&mut sum);
-        health.walk(&mut sum);
-        radio_use.walk(&mut sum);
-        max_age_ms.walk(&mut sum);
-        velocity_range.walk(&mut sum);
+        let mut sum = Visitor::sum();
+        filter.visit(&mut sum);
+        identification.visit(&mut sum);
+        isolation.visit(&mut sum);
+        thermometers.visit(&mut sum);
+        health.visit(&mut sum);
+        radio_use.visit(&mut sum);
+        max_age_ms.visit(&mut sum);
+        velocity_range.visit(&mut sum);
         sum.checksum().value()
     }
 

@@ -14,7 +14,7 @@ use crate::config::{ConfigError, Problem};
 use crate::health::{HealthConfig, HealthMonitor, HealthOutput};
 use crate::isolation::{FaultIsolation, IsolationOutput};
 use crate::reading::{Quality, Reading};
-use crate::saved::{Blank, Saved, Walk, saved};
+use crate::saved::{Blank, Saved, Visitor, saved};
 use crate::thermal::{TemperatureRateOutput, ThermalState};
 
 /// The flight module's whole state: about 50 kB. Keep it in a static and configure it there.
@@ -215,12 +215,12 @@ impl FlightModule {
         self.stage = Stage::Waiting;
     }
 
-    /// Hands everything to the walk.
-    pub(crate) fn walk(&mut self, walk: &mut Walk<'_>) {
+    /// Hands everything to the visitor.
+    pub(crate) fn visit(&mut self, visitor: &mut Visitor<'_>) {
         if let Stage::Running(running) = &mut self.stage {
-            self.identifier.walk(walk);
-            running.walk(walk);
-            self.parts.walk(walk);
+            self.identifier.visit(visitor);
+            running.visit(visitor);
+            self.parts.visit(visitor);
         }
     }
 }
@@ -308,7 +308,7 @@ impl Running {
 
         // Time.
         let passage = self.clock.pass(input.time_ms, config.filter.step_s);
-        let steady_ms = self.clock.steady_ms();
+        let monotonic_ms = self.clock.monotonic_ms();
         status.set(Status::STEPS_MISSING, matches!(passage, Passage::Missing(_)));
         status.set(Status::CLOCK_BACKWARDS, passage == Passage::Backwards);
         status.set(Status::CLOCK_JUMPED, passage == Passage::Jump);
@@ -330,7 +330,7 @@ impl Running {
         let all = parts.thermometers.iter_mut().zip(&thermometers);
         for ((output, state), (thermometer, reading)) in temperatures.iter_mut().zip(&mut states).zip(all) {
             if let Slot::Full(thermometer) = thermometer {
-                (*output, *state) = thermometer.step(steady_ms, reading);
+                (*output, *state) = thermometer.step(monotonic_ms, reading);
             }
         }
 
@@ -425,9 +425,9 @@ saved!([] Parts { isolation, thermometers, compensator, health } always);
 
 /// Full from the configuration on; before, nothing is saved.
 impl<T: Saved> Saved for Slot<T> {
-    fn walk(&mut self, walk: &mut Walk<'_>) {
+    fn visit(&mut self, visitor: &mut Visitor<'_>) {
         if let Self::Full(part) = self {
-            part.walk(walk);
+            part.visit(visitor);
         }
     }
 }

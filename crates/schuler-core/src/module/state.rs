@@ -21,7 +21,7 @@ use core::fmt;
 use serde::{Deserialize, Serialize};
 
 use super::FlightModule;
-use crate::saved::{Checksum, Saved, Walk};
+use crate::saved::{Checksum, Saved, Visitor};
 
 /// Version of the block: what is saved, and in which order.
 pub const STATE_VERSION: u32 = 6;
@@ -75,7 +75,7 @@ impl fmt::Display for StateError {
 impl core::error::Error for StateError {}
 
 impl FlightModule {
-    /// Length of the saved state, bytes: a matter of the configuration alone. `&mut` because one walk serves saving and bringing
+    /// Length of the saved state, bytes: a matter of the configuration alone. `&mut` because one pass serves saving and bringing
     /// back; nothing is changed.
     ///
     /// # Errors
@@ -103,9 +103,9 @@ impl FlightModule {
     pub fn save_part(&mut self, begin: u32, bytes: &mut [u8]) -> Result<usize, StateError> {
         let length = self.state_length()?;
         let room = bytes.len();
-        let mut walk = Walk::save(begin, bytes);
-        self.walk_block(&mut walk)?;
-        let written = walk.served();
+        let mut visitor = Visitor::save(begin, bytes);
+        self.visit_block(&mut visitor)?;
+        let written = visitor.served();
         if written == 0 && begin != length && room > 0 {
             return Err(StateError::Place { next: 0 });
         }
@@ -132,35 +132,35 @@ impl FlightModule {
     }
 
     fn block_length(&mut self) -> u32 {
-        let mut walk = Walk::measure();
-        self.walk(&mut walk);
-        HEADER + walk.here() + CHECKSUM
+        let mut visitor = Visitor::measure();
+        self.visit(&mut visitor);
+        HEADER + visitor.here() + CHECKSUM
     }
 
     /// Walks over the block from its first byte to its last.
     #[inline(never)]
-    fn walk_block(&mut self, walk: &mut Walk<'_>) -> Result<(), StateError> {
-        self.walk_body(walk)?;
-        let checksum = if walk.is_written_next() {
-            let mut sum = Walk::sum();
-            self.walk_body(&mut sum)?;
+    fn visit_block(&mut self, visitor: &mut Visitor<'_>) -> Result<(), StateError> {
+        self.visit_body(visitor)?;
+        let checksum = if visitor.is_written_next() {
+            let mut sum = Visitor::sum();
+            self.visit_body(&mut sum)?;
             sum.checksum()
         } else {
-            walk.checksum()
+            visitor.checksum()
         };
-        walk.constant(checksum.value()).map_err(|_| StateError::Checksum)
+        visitor.constant(checksum.value()).map_err(|_| StateError::Checksum)
     }
 
     /// Everything but the checksum.
-    fn walk_body(&mut self, walk: &mut Walk<'_>) -> Result<(), StateError> {
+    fn visit_body(&mut self, visitor: &mut Visitor<'_>) -> Result<(), StateError> {
         // Those of the state that comes, if one does: it says more of itself when all of it is there.
         let (mut length, mut fingerprint) = (self.block_length(), self.fingerprint().unwrap_or_default());
-        walk.constant(u32::from_le_bytes(MAGIC)).map_err(|_| StateError::Form)?;
-        walk.constant(STATE_VERSION).map_err(StateError::Version)?;
-        length.walk(walk);
-        fingerprint.walk(walk);
-        self.walk(walk);
-        if walk.is_flawed() { Err(StateError::Content) } else { Ok(()) }
+        visitor.constant(u32::from_le_bytes(MAGIC)).map_err(|_| StateError::Form)?;
+        visitor.constant(STATE_VERSION).map_err(StateError::Version)?;
+        length.visit(visitor);
+        fingerprint.visit(visitor);
+        self.visit(visitor);
+        if visitor.is_flawed() { Err(StateError::Content) } else { Ok(()) }
     }
 }
 
@@ -250,12 +250,12 @@ impl StateLoader {
     }
 
     fn take_part(&mut self, module: &mut FlightModule, begin: u32, bytes: &[u8]) -> Result<u32, StateError> {
-        let mut walk = Walk::restore(begin, bytes, self.checksum);
-        module.walk_block(&mut walk)?;
-        self.next = begin + walk.served();
-        self.checksum = walk.checksum();
+        let mut visitor = Visitor::restore(begin, bytes, self.checksum);
+        module.visit_block(&mut visitor)?;
+        self.next = begin + visitor.served();
+        self.checksum = visitor.checksum();
         if self.next == module.block_length() {
-            if self.next != self.length || walk.served() as usize != bytes.len() {
+            if self.next != self.length || visitor.served() as usize != bytes.len() {
                 return Err(StateError::Form);
             }
             module.end_loading();

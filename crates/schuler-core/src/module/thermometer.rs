@@ -17,7 +17,7 @@ const NO_QUANTUM: f32 = 1.0;
 pub(super) struct Thermometer {
     on: bool,
     estimator: TemperatureRate<f32>,
-    /// When its last reading was used, on the steady clock.
+    /// When its last reading was used, on the monotonic clock.
     heard_ms: u64,
 }
 
@@ -32,19 +32,19 @@ impl Thermometer {
         Ok(Self { on: config.is_some(), estimator, heard_ms: 0 })
     }
 
-    /// One step at a time of the steady clock; what is known of the temperature for the compensation. Not in line: once is
+    /// One step at a time of the monotonic clock; what is known of the temperature for the compensation. Not in line: once is
     /// enough in flash.
     #[inline(never)]
     pub(super) fn step(
         &mut self,
-        steady_ms: u64,
+        monotonic_ms: u64,
         reading: &Reading<f32>,
     ) -> (TemperatureRateOutput<f32>, ThermalState) {
         let reading = if self.on { *reading } else { Reading::missing() };
-        let output = self.estimator.step(steady_ms, &reading);
+        let output = self.estimator.step(monotonic_ms, &reading);
         let heard = !output.status.contains(ThermalStatus::REJECTED);
-        self.heard_ms = if heard { steady_ms } else { self.heard_ms };
-        let recent = steady_ms.saturating_sub(self.heard_ms) <= RATE_MEMORY_MS;
+        self.heard_ms = if heard { monotonic_ms } else { self.heard_ms };
+        let recent = monotonic_ms.saturating_sub(self.heard_ms) <= RATE_MEMORY_MS;
         let known = ThermalState::from(&output);
         (output, ThermalState { rate: known.rate.filter(|_| recent), ..known })
     }

@@ -3,7 +3,7 @@ use crate::saved::saved;
 
 /// Longest gap that is bridged, in steps. After a longer one the time that has passed is not trusted.
 const LONGEST_GAP: u64 = 600;
-/// What the steady clock moves at a jump: longer than any part bridges.
+/// What the monotonic clock moves at a jump: longer than any part bridges.
 const JUMP_MS: u64 = 600_000;
 
 /// What the time stamps say has happened since the last step.
@@ -71,7 +71,7 @@ impl Clock {
     }
 
     /// Time that has passed, milliseconds, for parts that need more than steps.
-    pub(super) fn steady_ms(&self) -> u64 {
+    pub(super) fn monotonic_ms(&self) -> u64 {
         self.steady_ms
     }
 }

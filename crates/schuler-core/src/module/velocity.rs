@@ -12,7 +12,7 @@ use crate::identification::{
     Retuned,
 };
 use crate::reading::{Quality, Reading};
-use crate::saved::{Saved, Walk, saved};
+use crate::saved::{Saved, Visitor, saved};
 
 /// The identifier that the configuration asks for. Large: it stays where it is built.
 ///
@@ -267,14 +267,14 @@ pub(super) fn usable(reading: &Reading<f32>, config: &StepConfig, status: &mut S
 saved!([] VelocityChannel { filter, in_use, retunes, coloured, response });
 
 impl Saved for Identifier {
-    fn walk(&mut self, walk: &mut Walk<'_>) {
+    fn visit(&mut self, visitor: &mut Visitor<'_>) {
         let mut method = self.method();
-        method.walk(walk);
+        method.visit(visitor);
         self.become_of(method);
         match self {
             Self::Off => {}
-            Self::Published(published) => published.walk(walk),
-            Self::Likelihood(likelihood) => likelihood.walk(walk),
+            Self::Published(published) => published.visit(visitor),
+            Self::Likelihood(likelihood) => likelihood.visit(visitor),
         }
     }
 }

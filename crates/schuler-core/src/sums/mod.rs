@@ -199,7 +199,7 @@ mod tests {
     use super::*;
     use crate::filter::ErrorFilter;
     use crate::module::ModuleConfig;
-    use crate::saved::{Blank, Checksum, Saved, Walk};
+    use crate::saved::{Blank, Checksum, Saved, Visitor};
 
     /// Steps `from` to `to` of a flight in which readings are missing.
     fn fly(filter: &mut ErrorFilter<f32>, sums: &mut FlightSums, from: u32, to: u32) {
@@ -223,14 +223,14 @@ mod tests {
             let mut sums = std::boxed::Box::new(FlightSums::IDLE);
             sums.start(Some(&SumsConfig::default()), &config);
             fly(&mut filter, &mut sums, 0, before);
-            let mut walk = Walk::measure();
-            sums.walk(&mut walk);
-            let mut bytes = std::vec![0; walk.here() as usize];
-            sums.walk(&mut Walk::save(0, &mut bytes));
+            let mut visitor = Visitor::measure();
+            sums.visit(&mut visitor);
+            let mut bytes = std::vec![0; visitor.here() as usize];
+            sums.visit(&mut Visitor::save(0, &mut bytes));
             let mut other = std::boxed::Box::new(FlightSums::blank());
-            let mut walk = Walk::restore(0, &bytes, Checksum::EMPTY);
-            other.walk(&mut walk);
-            assert!(!walk.is_flawed() && *other == *sums);
+            let mut visitor = Visitor::restore(0, &bytes, Checksum::EMPTY);
+            other.visit(&mut visitor);
+            assert!(!visitor.is_flawed() && *other == *sums);
             let mut same = filter;
             fly(&mut filter, &mut sums, before, before + 500);
             fly(&mut same, &mut other, before, before + 500);

@@ -13,20 +13,23 @@
 //!
 //! Sources: I. Tarygin's dissertation on extended thermal models (2024); Tarygin, Gyroscopy and Navigation 11(1), 2020.
 //! SI units, radians, degC; local frame east, north, up.
+mod attitude;
 mod estimator;
 pub mod experiment;
 mod filter;
 mod kinematics;
+mod layout;
 pub mod observability;
 mod recorded;
 pub mod result;
 pub mod thermometer;
 
-use estimator::{Estimator, Layout, Outcome};
+use estimator::{Estimator, Outcome};
 pub use experiment::{
     Arrangement, AttitudePrior, CalibrationError, Cycle, Experiment, FeatureSet, Noise, PriorSigma, Priors,
     Site,
 };
+use layout::Layout;
 pub use observability::ThermalProgramme;
 use observability::{combination, worst};
 pub use result::{

@@ -82,13 +82,13 @@ fn describe(rows: &[Vec<f64>], weakest: &[(Feature, f64)]) -> String {
         let rest = (spread(2).powi(2) - slope * cross).max(0.0).sqrt();
         if rest < 2.0 * SUFFICIENT {
             let tau = Feature::Temperature.scale() / Feature::Rate.scale() / -slope;
-            let course = if tau > 0.0 {
+            let history = if tau > 0.0 {
                 format!("a single exponential of time constant {tau:.0} s")
             } else {
                 "a growing exponential".to_owned()
             };
             return format!(
-                "the rate followed the temperature to within {:.1} degC/h (rms), {course}, so the effects of temperature, \
+                "the rate followed the temperature to within {:.1} degC/h (rms), {history}, so the effects of temperature, \
                  rate and constant cannot be told apart",
                 rest * rate_scale
             );
@@ -141,10 +141,10 @@ pub(super) fn worst(covariance: &DMatrix<f64>, prior: &[f64]) -> Worst {
 mod tests {
     use super::*;
 
-    fn rows(course: impl Fn(f64) -> (f64, f64)) -> Vec<Vec<f64>> {
+    fn rows(history: impl Fn(f64) -> (f64, f64)) -> Vec<Vec<f64>> {
         (0..3600)
             .map(|t| {
-                let (temperature, rate) = course(f64::from(t));
+                let (temperature, rate) = history(f64::from(t));
                 vec![1.0, (temperature - 35.0) / 30.0, rate * 3600.0 / 20.0]
             })
             .collect()

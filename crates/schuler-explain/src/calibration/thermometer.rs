@@ -174,15 +174,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn spline_follows_a_smooth_course_and_its_rate() {
-        let course = |t: f64| 20.0 + 5.0 * (t / 300.0).sin();
+    fn spline_follows_a_smooth_profile_and_its_rate() {
+        let profile = |t: f64| 20.0 + 5.0 * (t / 300.0).sin();
         let knots: Vec<Knot> =
-            (0..=40).map(|k| f64::from(k) * 47.0).map(|time| Knot { time, value: course(time) }).collect();
+            (0..=40).map(|k| f64::from(k) * 47.0).map(|time| Knot { time, value: profile(time) }).collect();
         let spline = Spline::through(&knots);
         for k in 200..1600 {
             let t = f64::from(k);
             let (value, rate) = spline.at(t);
-            assert!((value - course(t)).abs() < 2e-4, "{t}: {value}");
+            assert!((value - profile(t)).abs() < 2e-4, "{t}: {value}");
             assert!((rate - 5.0 / 300.0 * (t / 300.0).cos()).abs() < 2e-5, "{t}: {rate}");
         }
         // Straight beyond the end.

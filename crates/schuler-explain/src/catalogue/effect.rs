@@ -173,9 +173,9 @@ pub enum NoiseChange {
 impl NoiseChange {
     /// What of a gain in log-likelihood counts, so much of which the readings of redundant sensors tell beside their residuals: of a change in
     /// time they tell nothing but what speaks against the sensor's having so much noise in the mean.
-    pub fn counted(self, gain: f64, told_beside: f64) -> f64 {
+    pub fn counted(self, gain: f64, redundant_gain: f64) -> f64 {
         match self {
-            Self::VarianceStep | Self::LevelAbove(_) => gain - told_beside.max(0.0),
+            Self::VarianceStep | Self::LevelAbove(_) => gain - redundant_gain.max(0.0),
             _ => gain,
         }
     }

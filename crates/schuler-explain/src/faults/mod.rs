@@ -75,9 +75,10 @@ impl Faults {
         &mut self,
         model: &Model,
         candidates: &[Candidate],
-        (terms, noises): (&[Term], &[Noise]),
+        described: (&[Term], &[Noise]),
         amplitudes: &DVector<f64>,
     ) {
+        let (terms, noises) = described;
         let jumps = jumps(model, candidates, terms, amplitudes);
         let mut blocks = blocks_of(model, terms);
         blocks.extend(self.clipped.iter().filter_map(|&sensor| model.block_of(sensor)));

@@ -7,7 +7,8 @@ use schuler_recording::unit::Unit;
 /// Readings of a sensor, in SI units.
 pub fn series(
     id: &str,
-    (kind, unit): (SensorKind, Unit),
+    kind: SensorKind,
+    unit: Unit,
     axis: [f64; 3],
     nominal: Nominal,
     values: Vec<f64>,
