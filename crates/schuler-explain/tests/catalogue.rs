@@ -119,7 +119,7 @@ impl Scene {
             title: String::new(),
             recording: Source {
                 path: "r.csv".into(),
-                time: "t".into(),
+                time: Some("t".into()),
                 step_s: Some(step_s),
                 ..Source::default()
             },

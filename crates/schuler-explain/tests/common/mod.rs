@@ -29,7 +29,7 @@ pub fn recording(motion: MotionKind, sensors: Vec<SensorSeries>) -> Recording {
             title: String::new(),
             recording: Source {
                 path: "x.csv".into(),
-                time: "t".to_owned(),
+                time: Some("t".to_owned()),
                 step_s: Some(1.0),
                 ..Source::default()
             },

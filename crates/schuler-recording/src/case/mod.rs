@@ -9,6 +9,7 @@ mod grade;
 mod motion;
 mod read;
 mod simulation;
+mod source;
 mod write;
 
 use std::path::{Path, PathBuf};
@@ -19,6 +20,7 @@ pub use attitude::{AttitudeColumns, Frames, Order};
 pub use grade::Grade;
 pub use motion::{Attitude, Motion, MotionKind};
 pub use simulation::{Clock, Covers, Simulation};
+pub use source::{Duplicates, Source, TimeUnit};
 
 use crate::document::Lines;
 use crate::error::Error;
@@ -102,10 +104,10 @@ impl Case {
 }
 
 impl Case {
-    /// The columns of the table that the case names, each once; the time first. Where the simulation has a table of its own,
+    /// The columns of the table that the case names, each once; the time first, where there is one. Where the simulation has a table of its own,
     /// neither the predictions, which are in that, nor the motion, of which only reading it tells in which it is.
     pub fn columns(&self) -> Vec<&str> {
-        let mut columns = vec![self.recording.time.as_str()];
+        let mut columns: Vec<&str> = self.recording.time.iter().map(String::as_str).collect();
         columns.extend(self.sensors.iter().map(|sensor| sensor.column.as_str()));
         let own_table = self.simulation.as_ref().is_some_and(|simulation| simulation.table.is_some());
         if !own_table {
@@ -120,88 +122,6 @@ impl Case {
         columns.retain(|column| seen.insert(*column));
         columns
     }
-}
-
-/// Where the table is and what its time means.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Source {
-    /// Path of the table, relative to the case's file.
-    pub path: PathBuf,
-    /// Column of time, increasing, of any origin.
-    pub time: String,
-    /// Unit of the time; without it guessed from the column's name and from the stamps, which is said.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub time_unit: Option<TimeUnit>,
-    /// Step, s; without it that of the clock that the stamps show.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub step_s: Option<f64>,
-    /// What becomes of rows that come twice or late; without it they are an error.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub duplicates: Option<Duplicates>,
-    /// When the instruments were switched on within the recording, s as the time column, increasing; empty where they never
-    /// were. Without it that is guessed from supplies that are off and from gaps.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub switched_on_s: Option<Vec<f64>>,
-}
-
-impl Source {
-    /// Keeps the times of switching on that are in a part of the table, from the first to the last of its time stamps.
-    pub fn keep_switching_on(&mut self, stamps: [f64; 2]) {
-        let [first_s, last_s] = stamps.map(|stamp| stamp * self.time_unit.unwrap_or_default().in_seconds());
-        if let Some(stated_s) = &mut self.switched_on_s {
-            stated_s.retain(|time_s| (first_s..=last_s).contains(time_s));
-        }
-    }
-}
-
-/// Unit of a time column.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum TimeUnit {
-    /// Seconds.
-    #[default]
-    Second,
-    /// Milliseconds.
-    Millisecond,
-    /// Microseconds.
-    Microsecond,
-    /// Nanoseconds.
-    Nanosecond,
-}
-
-impl TimeUnit {
-    /// Every unit under its name in the case file.
-    pub const NAMES: [(&'static str, TimeUnit); 4] = [
-        ("s", TimeUnit::Second),
-        ("ms", TimeUnit::Millisecond),
-        ("us", TimeUnit::Microsecond),
-        ("ns", TimeUnit::Nanosecond),
-    ];
-
-    /// Seconds that one of it is.
-    pub const fn in_seconds(self) -> f64 {
-        match self {
-            Self::Second => 1.0,
-            Self::Millisecond => 1e-3,
-            Self::Microsecond => 1e-6,
-            Self::Nanosecond => 1e-9,
-        }
-    }
-}
-
-/// What becomes of rows whose time is not after that of the row before. Rows that are earlier are left out either way; more than
-/// a tenth of them are an error.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Duplicates {
-    /// Of rows with one time the first is kept.
-    Drop,
-    /// Rows with one time are averaged, column by column.
-    Average,
-}
-
-impl Duplicates {
-    /// Every remedy under its name in the case file.
-    pub const NAMES: [(&'static str, Duplicates); 2] =
-        [("drop", Duplicates::Drop), ("average", Duplicates::Average)];
 }
 
 /// A place on the Earth.

@@ -4,16 +4,20 @@ use super::{AuxiliarySeries, MotionSeries, Quality, Recording, SensorSeries};
 use crate::case::{Auxiliary, Case, CaseFile, Quantity};
 use crate::error::{Error, Problem};
 use crate::motion::roll_pitch_yaw;
-use crate::table::{Columns, TableReader};
+use crate::table::{Chunks, Columns, TableReader};
 use crate::unit::{AuxConversion, Unit};
 
-/// The columns that a case asks of its table. A place is an index into the columns asked for.
+/// Place of the time: of a log it decides what the rows are.
+pub(super) const TIME: usize = 0;
+
+/// The columns that a case asks of its table. A place is an index into the columns asked for, of which the first is the time, or,
+/// where there is none, the number of the row.
 #[derive(Clone, Debug)]
 pub(super) struct Layout {
-    /// Index in the table of each column asked for.
-    pub(super) indices: Vec<usize>,
-    /// Place of the time.
-    pub(super) time: usize,
+    /// Index in the table of each column asked for; the number of the row is none of the table.
+    indices: Vec<usize>,
+    /// Whether the rows are counted, as there is no column of time.
+    counted: bool,
     /// What warnings call each column.
     names: Vec<String>,
     sensors: Vec<usize>,
@@ -51,8 +55,10 @@ impl Layout {
     ) -> Result<Self, Error> {
         let mut wanted = Wanted { file, table, indices: Vec::new(), names: Vec::new(), problems: Vec::new() };
         let case = &file.case;
-        // First: of a log it decides what the rows are.
-        let time = wanted.column(&case.recording.time, "recording.time");
+        match &case.recording.time {
+            Some(time) => _ = wanted.column(time, "recording.time"),
+            None => wanted.names.push(case.recording.time_name().to_owned()),
+        }
         let sensors = (case.sensors.iter().enumerate())
             .map(|(index, it)| wanted.column(&it.column, &format!("sensor[{index}].column")))
             .collect();
@@ -95,7 +101,7 @@ impl Layout {
         }
         Ok(Self {
             indices,
-            time,
+            counted: case.recording.time.is_none(),
             names,
             sensors,
             predicted,
@@ -107,6 +113,19 @@ impl Layout {
             attitude,
             table_angle,
         })
+    }
+
+    /// The rows of these columns in a table.
+    ///
+    /// # Errors
+    /// As [`TableReader::chunks`].
+    pub(super) fn chunks(&self, table: Box<dyn TableReader>) -> Result<Chunks, Error> {
+        if self.counted { table.numbered_chunks(&self.indices) } else { table.chunks(&self.indices) }
+    }
+
+    /// Number of the columns, the time among them.
+    pub(super) fn width(&self) -> usize {
+        self.names.len()
     }
 
     /// Place of the column of a sensor.
@@ -122,7 +141,7 @@ impl Layout {
             let infinite = columns.infinite.get(place).copied().unwrap_or_default();
             Quality { present: values.len() - missing, missing, infinite, in_gaps: 0 }
         };
-        (0..self.indices.len()).map(of).collect()
+        (0..self.width()).map(of).collect()
     }
 
     /// What the user is told of infinite values, given their number in each column.
@@ -132,7 +151,7 @@ impl Layout {
         infinite: &'l [usize],
     ) -> impl Iterator<Item = String> + use<'l> {
         let table = file.table_path();
-        (self.names.iter().zip(infinite).skip(1)).filter(|&(_, &infinite)| infinite > 0).map(
+        (self.names.iter().zip(infinite).skip(TIME + 1)).filter(|&(_, &infinite)| infinite > 0).map(
             move |(name, infinite)| {
                 format!("{}: {name}: {infinite} infinite values are missing", table.display())
             },
@@ -209,9 +228,11 @@ impl Layout {
     }
 }
 
-/// What the user is told of the case itself.
+/// What the user is told of the case itself, and of what it lets assume of the table.
 pub(super) fn file_warnings(file: &CaseFile) -> Vec<String> {
-    file.warnings.iter().map(|warning| format!("{}: {warning}", file.path.display())).collect()
+    let of_case = file.warnings.iter().map(|warning| format!("{}: {warning}", file.path.display()));
+    let of_table = file.case.recording.assumption();
+    of_case.chain(of_table.map(|said| format!("{} {said}", file.table_path().display()))).collect()
 }
 
 /// What the user is told of the times.
@@ -221,7 +242,7 @@ pub(super) fn time_note(file: &CaseFile, note: Option<String>) -> Option<String>
 
 /// A problem of the times is one of the table, or of the step that the case gives.
 pub(super) fn time_error(file: &CaseFile, mut problem: Problem) -> Error {
-    if problem.line.is_some() || problem.field == file.case.recording.time {
+    if problem.line.is_some() || problem.field == file.case.recording.time_name() {
         return Error::one(file.table_path(), problem);
     }
     "recording.step_s".clone_into(&mut problem.field);
@@ -295,6 +316,6 @@ impl Wanted<'_> {
             }
             Err(message) => self.problems.push(Problem::new(self.file.lines.get(path), path, message)),
         }
-        self.indices.len().saturating_sub(1)
+        self.names.len().saturating_sub(1)
     }
 }
