@@ -803,6 +803,7 @@ pub fn case(scenario: &Scenario) -> Case {
         sensors: sensors(scenario),
         calibration: None,
         auxiliaries: auxiliaries(scenario),
+        effects: Vec::new(),
     }
 }
 

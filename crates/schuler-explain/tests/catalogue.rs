@@ -130,6 +130,7 @@ impl Scene {
             sensors: Vec::new(),
             calibration: None,
             auxiliaries: Vec::new(),
+            effects: Vec::new(),
         };
         Self(Recording {
             case,
@@ -141,6 +142,7 @@ impl Scene {
             auxiliaries: Vec::new(),
             motion: MotionSeries::default(),
             table_angle: None,
+            in_formulas: Vec::new(),
             warnings: Vec::new(),
         })
     }

@@ -175,6 +175,7 @@ impl CalibrationScenario {
             schuler_loop: None,
             sensors: gyros.chain(accelerometers).collect(),
             calibration: Some(self.run(table, record)),
+            effects: Vec::new(),
             auxiliaries: self
                 .thermometers()
                 .into_iter()

@@ -117,6 +117,8 @@ fn of_case(arguments: &Arguments, session: &Session) -> Result<Answer, Failure> 
         let mut columns: Vec<String> = file.case.columns().into_iter().map(str::to_owned).collect();
         let motion = file.case.motion.columns().filter(|column| table.index(column).is_ok());
         columns.extend(motion.map(str::to_owned));
+        let names = file.case.names_in_formulas().into_iter();
+        columns.extend(names.filter(|name| table.index(name).is_ok()).map(str::to_owned));
         columns
     } else {
         arguments.columns.clone()

@@ -186,7 +186,7 @@ fn explained(
     let (explanation, arrays) =
         explain_watched(recording, &config, &progress).map_err(|error| match error {
             engine::Error::Cancelled => Failure::Stopped(Interrupted),
-            error => Error::one(case, Problem::of_file(error.to_string())).into(),
+            error => Error::one(case, error.problem()).into(),
         })?;
     Ok(Report {
         title: recording.case.title.clone(),

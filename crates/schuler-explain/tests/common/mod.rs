@@ -39,6 +39,7 @@ pub fn recording(motion: MotionKind, sensors: Vec<SensorSeries>) -> Recording {
             schuler_loop: None,
             sensors: sensors.iter().map(|series| series.sensor.clone()).collect(),
             auxiliaries: Vec::new(),
+            effects: Vec::new(),
             calibration: None,
         },
         step_s: 1.0,
@@ -49,6 +50,7 @@ pub fn recording(motion: MotionKind, sensors: Vec<SensorSeries>) -> Recording {
         auxiliaries: Vec::new(),
         motion: MotionSeries::default(),
         table_angle: None,
+        in_formulas: Vec::new(),
         warnings: Vec::new(),
     }
 }

@@ -5,6 +5,7 @@
 //! [`calibration`].
 mod attitude;
 pub mod calibration;
+mod effect;
 mod grade;
 mod motion;
 mod read;
@@ -17,6 +18,7 @@ use std::path::{Path, PathBuf};
 use serde::{Serialize, Serializer};
 
 pub use attitude::{AttitudeColumns, Frames, Order};
+pub use effect::UserEffect;
 pub use grade::Grade;
 pub use motion::{Attitude, Motion, MotionKind};
 pub use simulation::{Clock, Covers, Simulation};
@@ -94,6 +96,9 @@ pub struct Case {
     /// Other recorded quantities.
     #[serde(rename = "aux", skip_serializing_if = "Vec::is_empty")]
     pub auxiliaries: Vec<Auxiliary>,
+    /// Effects of the user's own.
+    #[serde(rename = "effect", skip_serializing_if = "Vec::is_empty")]
+    pub effects: Vec<UserEffect>,
 }
 
 impl Case {
@@ -103,8 +108,19 @@ impl Case {
     }
 }
 
+/// What of a Schuler loop an answer names, and an auxiliary quantity may be near to.
+const PARTS_OF_THE_LOOP: &[&str] = &["velocity", "accelerometer", "gyro"];
+
 impl Case {
-    /// The columns of the table that the case names, each once; the time first, where there is one. Where the simulation has a table of its own,
+    /// The names in the formulas of effects, each once; which of them are columns, only the table tells.
+    pub fn names_in_formulas(&self) -> Vec<&str> {
+        let names = self.effects.iter().flat_map(|effect| effect.formula.names());
+        let mut seen = std::collections::HashSet::new();
+        names.map(|(name, ..)| name).filter(|name| seen.insert(*name)).collect()
+    }
+
+    /// The columns of the table that the case names, each once; the time first, where there is one; without those of
+    /// [formulas](Self::names_in_formulas). Where the simulation has a table of its own,
     /// neither the predictions, which are in that, nor the motion, of which only reading it tells in which it is.
     pub fn columns(&self) -> Vec<&str> {
         let mut columns: Vec<&str> = self.recording.time.iter().map(String::as_str).collect();

@@ -3,7 +3,7 @@ use std::path::Path;
 
 use super::{
     Attitude, Auxiliary, Case, CaseFile, ELECTRONICS, ExponentialCosine, FORMAT, Grade, Markov, Motion,
-    MotionKind, Nominal, Quantity, SchulerLoop, Sensor, SensorKind, Site, TemperatureBias,
+    MotionKind, Nominal, PARTS_OF_THE_LOOP, Quantity, SchulerLoop, Sensor, SensorKind, Site, TemperatureBias,
 };
 use crate::document::{Field, Node, Parsed, parse_with, suggestion};
 use crate::error::Error;
@@ -68,6 +68,7 @@ fn case(node: &Node<'_>) -> Option<Case> {
     let calibration = optional(node, "calibration", |field| field.table(super::calibration::calibration));
     let sensors = node.tables("sensor", sensor);
     let auxiliaries = node.tables("aux", auxiliary);
+    let effects = node.tables("effect", super::effect::effect);
     format?;
     let case = Case {
         title: title?.unwrap_or_default(),
@@ -79,12 +80,10 @@ fn case(node: &Node<'_>) -> Option<Case> {
         sensors: sensors?,
         calibration: calibration?,
         auxiliaries: auxiliaries?,
+        effects: effects?,
     };
     agrees_with_itself(node, case)
 }
-
-/// What of a Schuler loop an answer names, and an auxiliary quantity may be near to.
-const PARTS_OF_THE_LOOP: &[&str] = &["velocity", "accelerometer", "gyro"];
 
 /// What no single field can show.
 fn agrees_with_itself(node: &Node<'_>, case: Case) -> Option<Case> {
@@ -124,6 +123,7 @@ fn agrees_with_itself(node: &Node<'_>, case: Case) -> Option<Case> {
         }
     }
     simulation_is_used(node, &case)?;
+    super::effect::fit_the_case(node, &case)?;
     if case.motion.kind == MotionKind::VelocityError {
         let velocities = case.sensors.iter().filter(|sensor| sensor.kind == SensorKind::InsVelocity).count();
         if velocities != 1 {

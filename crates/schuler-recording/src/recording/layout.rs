@@ -1,8 +1,9 @@
 //! Where the columns of a case stand in its table, and what becomes of them.
 use super::grid::Gap;
-use super::{AuxiliarySeries, MotionSeries, Quality, Recording, SensorSeries};
+use super::{AuxiliarySeries, FormulaColumn, MotionSeries, Quality, Recording, SensorSeries};
 use crate::case::{Auxiliary, Case, CaseFile, Quantity};
 use crate::error::{Error, Problem};
+use crate::formula::check::Scope;
 use crate::motion::roll_pitch_yaw;
 use crate::table::{Chunks, Columns, TableReader};
 use crate::unit::{AuxConversion, Unit};
@@ -31,6 +32,10 @@ pub(super) struct Layout {
     /// Of an attitude in another form.
     attitude: Option<Vec<usize>>,
     table_angle: Option<usize>,
+    /// Columns in formulas, each with the factor and the offset that make its numbers values in its unit.
+    in_formulas: Vec<(String, usize, [f64; 2])>,
+    /// What the user is told of formulas.
+    pub(super) notes: Vec<String>,
 }
 
 /// The rows of a recording.
@@ -53,7 +58,14 @@ impl Layout {
         table: &dyn TableReader,
         simulated: impl Fn(&str) -> bool,
     ) -> Result<Self, Error> {
-        let mut wanted = Wanted { file, table, indices: Vec::new(), names: Vec::new(), problems: Vec::new() };
+        let mut wanted = Wanted {
+            file,
+            table,
+            indices: Vec::new(),
+            names: Vec::new(),
+            problems: Vec::new(),
+            notes: Vec::new(),
+        };
         let case = &file.case;
         match &case.recording.time {
             Some(time) => _ = wanted.column(time, "recording.time"),
@@ -95,7 +107,8 @@ impl Layout {
                 attitude.columns.iter().enumerate().map(place).collect()
             });
         let table_angle = case.table().map(|it| wanted.column(&it.column, "calibration.table.column"));
-        let Wanted { indices, names, problems, .. } = wanted;
+        let in_formulas = wanted.in_formulas();
+        let Wanted { indices, names, problems, notes, .. } = wanted;
         if !problems.is_empty() {
             return Err(Error::new(&file.path, problems));
         }
@@ -112,6 +125,8 @@ impl Layout {
             attitude_rad,
             attitude,
             table_angle,
+            in_formulas,
+            notes,
         })
     }
 
@@ -213,6 +228,12 @@ impl Layout {
         }
         let angle_unit = case.table().map_or(1.0, |it| it.unit.in_si());
         let table_angle = self.table_angle.map(|place| scaled(values(place), angle_unit));
+        let in_formulas = (self.in_formulas.iter())
+            .map(|(column, place, [factor, offset])| FormulaColumn {
+                column: column.clone(),
+                values: values(*place).into_iter().map(|value| factor * value + offset).collect(),
+            })
+            .collect();
         Recording {
             case,
             step_s: rows.step_s,
@@ -223,6 +244,7 @@ impl Layout {
             auxiliaries,
             motion,
             table_angle,
+            in_formulas,
             warnings,
         }
     }
@@ -297,6 +319,15 @@ fn all_auxiliaries(case: &Case) -> Vec<(Auxiliary, String)> {
     all
 }
 
+/// Factor and offset that make the numbers of a column values in the unit that the case states for it.
+fn in_unit(case: &Case, column: &str) -> [f64; 2] {
+    if let Some(sensor) = case.sensors.iter().find(|sensor| sensor.column == column) {
+        return [sensor.scale.unwrap_or(1.0), 0.0];
+    }
+    let auxiliary = case.auxiliaries.iter().find(|auxiliary| auxiliary.column == column);
+    auxiliary.map_or([1.0, 0.0], |it| [it.scale.unwrap_or(1.0), it.offset.unwrap_or(0.0)])
+}
+
 /// Columns that are looked for.
 struct Wanted<'f> {
     file: &'f CaseFile,
@@ -304,9 +335,38 @@ struct Wanted<'f> {
     indices: Vec<usize>,
     names: Vec<String>,
     problems: Vec<Problem>,
+    notes: Vec<String>,
 }
 
 impl Wanted<'_> {
+    /// Asks for the columns in the formulas of effects, whose names it checks.
+    fn in_formulas(&mut self) -> Vec<(String, usize, [f64; 2])> {
+        let case = &self.file.case;
+        for (index, effect) in case.effects.iter().enumerate() {
+            let path = format!("effect[{index}].formula");
+            let free: Vec<&str> = effect.free.keys().map(String::as_str).collect();
+            let scope = Scope { columns: self.table.names(), free: &free };
+            if let Some(name) = free.iter().find(|name| self.table.index(name).is_ok()) {
+                let path = format!("effect[{index}].free.{name}");
+                let message = "found the name of a column of the table; expected one of its own".to_owned();
+                self.problems.push(Problem::new(self.file.lines.get(&path), path, message));
+            } else if let Err(mistake) = effect.formula.amplitudes(&scope) {
+                self.problems.push(Problem::new(self.file.lines.get(&path), path, mistake.to_string()));
+            } else if let Some((name, column)) = effect.formula.resembling(&scope) {
+                let case = self.file.path.display();
+                self.notes.push(format!(
+                    "{case}: {path}: {name} is no column and taken for an amplitude; a column is called {column}"
+                ));
+            }
+        }
+        let names = case.names_in_formulas().into_iter().filter(|name| self.table.index(name).is_ok());
+        let names: Vec<&str> = names.collect();
+        names
+            .into_iter()
+            .map(|name| (name.to_owned(), self.column(name, name), in_unit(case, name)))
+            .collect()
+    }
+
     /// Asks for the column `name`, which stands at `path` in the case; returns its place.
     fn column(&mut self, name: &str, path: &str) -> usize {
         match self.table.index(name) {

@@ -51,6 +51,8 @@ pub struct Recording {
     pub motion: MotionSeries,
     /// Angle of the table in a calibration run, rad; NaN = missing.
     pub table_angle: Option<Vec<f64>>,
+    /// The columns in formulas of the case's effects.
+    pub in_formulas: Vec<FormulaColumn>,
     /// What the user should be told: what was left out, a row cut off, infinite values, what was made of the time stamps.
     pub warnings: Vec<String>,
 }
@@ -79,6 +81,15 @@ pub struct AuxiliarySeries {
     pub values: Vec<f64>,
     /// How complete they are.
     pub quality: Quality,
+}
+
+/// A column in the formula of an effect.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FormulaColumn {
+    /// Its name.
+    pub column: String,
+    /// Values in the unit that the case states for the column, else as the table has them; NaN = missing.
+    pub values: Vec<f64>,
 }
 
 /// How complete a series is.
@@ -160,6 +171,7 @@ impl Recording {
         watch(grid.time_s.len(), layout.width())?;
         let mut warnings = alike::said(&file.case, &layout, &columns, &file.table_path());
         warnings.extend(file_warnings(&file));
+        warnings.extend_from_slice(&layout.notes);
         warnings.append(&mut columns.warnings);
         warnings.extend(layout.infinite_warnings(&file, &columns.infinite));
         warnings.extend(time_note(&file, grid.note.take()));

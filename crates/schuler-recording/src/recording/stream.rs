@@ -35,6 +35,7 @@ impl Stream {
         let mut survey = Survey::new(file.case.recording.time_name(), file.case.recording.step_s);
         let mut quality = vec![Quality::default(); layout.width()];
         let mut warnings = file_warnings(&file);
+        warnings.extend_from_slice(&layout.notes);
         for columns in Timed::new(&file, layout.chunks(table)?) {
             let mut columns = columns?;
             let time_s = columns.values.get(TIME).cloned().unwrap_or_default();

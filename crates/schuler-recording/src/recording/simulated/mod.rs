@@ -194,6 +194,7 @@ fn as_recording(file: &CaseFile, source: &Source, sensors: &[usize], table: &dyn
     own.case.simulation = None;
     own.case.calibration = None;
     own.case.auxiliaries = Vec::new();
+    own.case.effects = Vec::new();
     own.case.sensors = (sensors.iter())
         .map(|&place| {
             let mut sensor = file.case.sensors[place].clone();
