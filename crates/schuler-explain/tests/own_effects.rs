@@ -160,14 +160,14 @@ fn what_cannot_be_sought_is_named_by_line_and_field() {
     };
     for id in ["bias_step", "noise_of_my_own"] {
         let (line, said) = refused(&TORSION.replace("\"torsion\"", &format!("\"{id}\"")));
-        assert_eq!(line, Some(19), "{said}");
+        assert_eq!(line, Some(20), "{said}");
         let expected =
             format!("effect[0].id: found \"{id}\", an effect of the catalogue; expected a name of its own");
         assert_eq!(said, expected);
     }
     let with = |formula: &str| TORSION.replace("k * lag(temp, tau_s) * rate", formula);
     let (line, said) = refused(&with("k * lag(temp, tau_s) / zero"));
-    assert_eq!(line, Some(20), "{said}");
+    assert_eq!(line, Some(21), "{said}");
     let expected = "effect[0].formula: character 22: found a division by zero in 60 rows, the first of them row 1, at 0 s";
     assert!(said.starts_with(expected), "{said}");
     let (_, said) = refused(&with("k * sqrt(temp - tau_s)"));
