@@ -75,7 +75,7 @@ impl Value {
         let rows = match &self {
             Self::Constant(value) if is_missing(value) => None,
             Self::Constant(_) => return Ok(self),
-            Self::Rows(values) => match values.iter().position(|value| is_missing(value)) {
+            Self::Rows(values) => match values.iter().position(is_missing) {
                 Some(first) => Some((first, values.iter().filter(|value| is_missing(value)).count())),
                 None => return Ok(self),
             },

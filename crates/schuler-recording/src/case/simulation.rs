@@ -59,7 +59,7 @@ pub(super) fn simulation(node: &Node<'_>) -> Option<Simulation> {
     let covers = optional(node, "covers", |field| field.one_of(&Covers::NAMES));
     let table = match path? {
         Some(path) => {
-            rows_have_times(node, &time, &step_s)?;
+            rows_have_times(node)?;
             Some(Source {
                 path: PathBuf::from(path),
                 time: time?,

@@ -116,7 +116,7 @@ pub(super) fn source(node: &Node<'_>) -> Option<Source> {
     let time = optional(node, "time", Field::text);
     let time_unit = optional(node, "time_unit", |field| field.one_of(&TimeUnit::NAMES));
     let step_s = optional(node, "step_s", positive);
-    let has_time = rows_have_times(node, &time, &step_s);
+    let has_time = rows_have_times(node);
     let duplicates = optional(node, "duplicates", |field| field.one_of(&Duplicates::NAMES));
     let switched_on_s = optional(node, "switched_on_s", increasing);
     has_time?;
@@ -131,15 +131,11 @@ pub(super) fn source(node: &Node<'_>) -> Option<Source> {
 }
 
 /// Whether rows have times: stamps, or a step by which they are evenly spaced. Of stamps alone a unit and repeats can be stated.
-pub(super) fn rows_have_times(
-    node: &Node<'_>,
-    time: &Option<Option<String>>,
-    step_s: &Option<Option<f64>>,
-) -> Option<()> {
-    if !matches!(time, Some(None)) {
+pub(super) fn rows_have_times(node: &Node<'_>) -> Option<()> {
+    if node.optional("time").is_some() {
         return Some(());
     }
-    if let Some(None) = step_s {
+    if node.optional("step_s").is_none() {
         let expected = "missing, as is step_s; expected the name of the time column, or step_s in seconds, by which the rows \
                         of a table without one are evenly spaced";
         return node.problem_at("time", expected);

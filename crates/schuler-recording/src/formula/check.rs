@@ -95,9 +95,8 @@ struct Check<'c> {
 impl Check<'_> {
     fn degree(&self, node: &Node) -> Result<Degree, Mistake> {
         match &node.what {
-            Expression::Number(_) | Expression::Column(_) => Ok(Degree::None),
             Expression::Name(name) if self.amplitudes.contains(&name.as_str()) => Ok(Degree::Linear),
-            Expression::Name(_) => Ok(Degree::None),
+            Expression::Number(_) | Expression::Name(_) | Expression::Column(_) => Ok(Degree::None),
             Expression::Negative(part) => self.degree(part),
             Expression::Operation(operator, parts) => {
                 let degrees = [self.degree(&parts[0])?, self.degree(&parts[1])?];

@@ -82,7 +82,9 @@ impl Timed {
         };
         if self.counted {
             let step_s = self.step_s.unwrap_or(1.0);
-            stamps.iter_mut().for_each(|row| *row *= step_s);
+            for row in stamps.iter_mut() {
+                *row *= step_s;
+            }
             return;
         }
         let unit_s = self.unit_s.unwrap_or_else(|| {
