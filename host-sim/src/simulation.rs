@@ -788,7 +788,7 @@ pub fn case(scenario: &Scenario) -> Case {
         title: scenario.title.clone(),
         recording: Source {
             path: RECORDING.into(),
-            time: "t".to_owned(),
+            time: Some("t".to_owned()),
             step_s: Some(scenario.step_s),
             ..Source::default()
         },
@@ -803,6 +803,7 @@ pub fn case(scenario: &Scenario) -> Case {
         sensors: sensors(scenario),
         calibration: None,
         auxiliaries: auxiliaries(scenario),
+        effects: Vec::new(),
     }
 }
 

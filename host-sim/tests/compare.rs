@@ -143,3 +143,63 @@ fn a_recording_alone_becomes_a_case() {
     assert!(said.contains("no case was given"), "{said}");
     assert!(text(&of_table.stdout).contains("drifts with its temperature"), "{}", text(&of_table.stdout));
 }
+
+/// Columns alone, sampled at a known rate; a counter of rows is no time.
+#[test]
+fn a_table_without_a_time_is_read_with_its_stated_step() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let mut with = "t,gyro_x,temp\n".to_owned();
+    let mut without = "sample,gyro_x,temp\n".to_owned();
+    for row in 0..2000 {
+        let temperature = 20.0 + 0.005 * f64::from(row) + 2.0 * (0.02 * f64::from(row)).sin();
+        let rate = 1e-3 + 2e-5 * (temperature - 20.0) + 1e-5 * noise(row as usize);
+        writeln!(with, "{},{rate},{temperature}", 0.1 * f64::from(row)).unwrap();
+        writeln!(without, "{row},{rate},{temperature}").unwrap();
+    }
+    std::fs::write(at.join("with.csv"), with).unwrap();
+    std::fs::write(at.join("run.csv"), without).unwrap();
+    for arguments in [&["init", "run.csv"][..], &["explain", "run.csv"]] {
+        let said = refused(at, arguments);
+        assert!(said.contains("run.csv") && said.contains("sample counts the rows"), "{said}");
+        assert!(said.contains("state --step-s, in a case recording.step_s"), "{said}");
+    }
+    assert!(refused(at, &["compare", "with.csv", "run.csv"]).contains("--real-step-s"));
+    assert!(refused(at, &["init", "run.csv", "--step-s", "0"]).contains("expected seconds, more than 0"));
+    let output = schuler(at, &["init", "run.csv", "--step-s", "0.1"]);
+    let said = text(&output.stdout);
+    assert!(said.contains("taken to be evenly spaced by the stated step of 0.1 s"), "{said}");
+    assert!(said.contains("sample (counts the rows)"), "{said}");
+    let case = std::fs::read_to_string(at.join("run.toml")).unwrap();
+    assert!(case.contains("step_s = 0.1") && !case.contains("time ="), "{case}");
+    assert!(
+        refused(at, &["explain", "run.toml", "--step-s", "0.1"]).contains("expected a table without one")
+    );
+    // The answer is that of the table with its times, whichever way it is asked for.
+    let findings = |arguments: &[&str]| {
+        let output = schuler(at, arguments);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert!(!answer["findings"].as_array().unwrap().is_empty(), "{answer}");
+        answer["findings"].clone()
+    };
+    let expected = findings(&["explain", "with.csv", "--json", "--quiet"]);
+    assert_eq!(findings(&["explain", "run.toml", "--json", "--quiet"]), expected);
+    assert_eq!(findings(&["explain", "run.csv", "--step-s", "0.1", "--json", "--quiet"]), expected);
+    // A part of it is cut out by the same times.
+    let output = schuler(at, &["convert", "run.toml", "part", "--from", "10", "--to", "20", "--json"]);
+    let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((answer["rows"].as_u64(), answer["span_s"][0].as_f64()), (Some(101), Some(10.0)));
+    let case = std::fs::read_to_string(at.join("part/run.toml")).unwrap();
+    assert!(case.contains("step_s = 0.1") && !case.contains("time ="), "{case}");
+    let fly = schuler(at, &["identify", "part/run.toml", "--json"]);
+    assert!(fly.status.success(), "{}", text(&fly.stderr));
+    // And beside a simulation, which may lack times as well.
+    let output = schuler(
+        at,
+        &["compare", "run.csv", "with.csv", "--sim-step-s", "0.1", "--only-case", "--case", "pair.toml"],
+    );
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let case = std::fs::read_to_string(at.join("pair.toml")).unwrap();
+    assert!(case.contains("[simulation]\npath = \"run.csv\"\nstep_s = 0.1"), "{case}");
+}

@@ -1,5 +1,5 @@
 //! From a recording to an [`Explanation`]: calls the stages.
-use schuler_recording::Recording;
+use schuler_recording::{Problem as ProblemOfCase, Recording};
 use thiserror::Error;
 
 use crate::answer::told;
@@ -35,6 +35,16 @@ pub enum Error {
         /// What is wrong.
         what: String,
     },
+    /// An effect that the case defines cannot be sought.
+    #[error("{field}: {message}")]
+    Effect {
+        /// Line of the effect in the case, where it has one.
+        line: Option<usize>,
+        /// The field.
+        field: String,
+        /// What was found and what was expected.
+        message: String,
+    },
     /// Whoever watches has ended it.
     #[error("cancelled")]
     Cancelled,
@@ -50,7 +60,17 @@ pub enum Error {
     },
 }
 
-/// Explains a recording by the catalogue.
+impl Error {
+    /// The same as a problem of the case.
+    pub fn problem(&self) -> ProblemOfCase {
+        match self {
+            Self::Effect { line, field, message } => ProblemOfCase::new(*line, field, message),
+            other => ProblemOfCase::of_file(other.to_string()),
+        }
+    }
+}
+
+/// Explains a recording by the catalogue and by the effects that its case defines.
 ///
 /// # Errors
 /// What in the recording or the case leaves nothing to explain.
@@ -100,7 +120,11 @@ fn explained(
     watch: &dyn Watch,
 ) -> Result<(Explanation, CaseArrays), Error> {
     let mut prepared = prepared(inputs, config)?;
-    let candidates = searchable(given.unwrap_or_else(|| catalogued(inputs)), &prepared);
+    let candidates = match given {
+        Some(given) => given,
+        None => catalogued(inputs)?,
+    };
+    let candidates = searchable(candidates, &prepared);
     let model = within_delays(&prepared.model, &candidates);
     let problem = Problem::new(inputs, &model, candidates, config, watch);
     unless_cancelled(watch)?;

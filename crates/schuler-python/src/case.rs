@@ -104,6 +104,7 @@ fn from_dictionary(case: &Bound<'_, PyAny>, has_arrays: bool) -> PyResult<CaseFi
         }
     }
     file.lines = Lines::default();
+    file.case.effects.iter_mut().for_each(|effect| effect.lines = [None; 2]);
     Ok(file)
 }
 

@@ -1,8 +1,7 @@
 //! `explain`.
 use pyo3::prelude::*;
 use schuler_explain::config::Config;
-use schuler_explain::explain::{Error, explain_watched};
-use schuler_recording::Problem;
+use schuler_explain::explain::explain_watched;
 
 use crate::answer::python_of;
 use crate::case::{Given, unusable};
@@ -31,12 +30,8 @@ pub(crate) fn explain(
     let explained = watched(py, progress, |watch| {
         let recording = given.read()?;
         explain_watched(&recording, &options, watch)
-            .map_err(|error| schuler_recording::Error::one(&path, problem(&error)))
+            .map_err(|error| schuler_recording::Error::one(&path, error.problem()))
     })?;
     let (explanation, _) = explained.map_err(|error| unusable(&error))?;
     python_of(py, &explanation)
-}
-
-fn problem(error: &Error) -> Problem {
-    Problem::of_file(error.to_string())
 }

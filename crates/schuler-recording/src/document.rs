@@ -171,6 +171,11 @@ impl<'d> Node<'d> {
         self.sink.warn(line, &path, message);
     }
 
+    /// Line of the key, if it is there and was asked for.
+    pub fn line_of(&self, key: &str) -> Option<usize> {
+        self.sink.lines.borrow().get(&self.path_of(key)).copied()
+    }
+
     fn line_at(&self, path: &str) -> usize {
         self.sink.lines.borrow().get(path).copied().unwrap_or(self.line)
     }
@@ -325,6 +330,17 @@ impl<'d> Field<'d> {
     /// A table, read with `read`.
     pub fn table<T>(&self, read: impl FnOnce(&Node<'_>) -> Option<T>) -> Option<T> {
         self.table_or("a table", read)
+    }
+
+    /// The fields of a table of any keys, each read with `read`, which is given its key.
+    pub fn entries<T>(&self, read: impl Fn(&str, &Field<'d>) -> Option<T>) -> Option<Vec<(String, T)>> {
+        let DeValue::Table(table) = self.value else { return self.wrong("a table") };
+        let entry = |(key, item): (&Spanned<_>, &'d Spanned<DeValue<'d>>)| {
+            let name: &str = AsRef::<str>::as_ref(key.get_ref());
+            Some((name.to_owned(), read(name, &self.child(&format!(".{name}"), item))?))
+        };
+        let entries: Vec<Option<_>> = table.iter().map(entry).collect();
+        entries.into_iter().collect()
     }
 
     /// Reports that this field is not what was expected; `expected` completes "expected …".

@@ -8,6 +8,7 @@
 //! | [`recording`] | case and table together: arrays in SI units on the nominal step grid, gaps marked |
 //! | [`motion`] | Earth rate, gravity and attitude; the ideal sensor's output for the recorded or static motion |
 //! | [`document`] | a TOML document read field by field, with every mistake named by file, line, field and expectation |
+//! | [`formula`] | formulas of effects that a case defines |
 //! | [`mod@file`] | opening a file for reading, and how much of one is read as a whole |
 //! | [`leniency`] | whether what cannot be understood is an error or left out and counted |
 //! | [`error`] | what is wrong with a file, and where |
@@ -43,6 +44,7 @@ pub mod case;
 pub mod document;
 pub mod error;
 pub mod file;
+pub mod formula;
 pub mod leniency;
 pub mod motion;
 pub mod recording;

@@ -94,7 +94,7 @@ fn every_key_is_read() {
     assert_eq!(file.table_path(), Path::new("cases/recording.csv"));
     let case = file.case;
     assert_eq!(case.title, "Rate table, DTG block 3, run 17");
-    assert_eq!((case.recording.time.as_str(), case.recording.step_s), ("t", Some(1.0)));
+    assert_eq!((case.recording.time.as_deref(), case.recording.step_s), (Some("t"), Some(1.0)));
     assert_eq!(case.site, Some(Site { latitude_deg: 55.57, longitude_deg: None, altitude_m: 150.0 }));
     assert_eq!(case.motion.kind, MotionKind::Static);
     assert_eq!(case.motion.attitude_deg, Some(Attitude { roll: 0.0, pitch: 0.0, heading: 30.0 }));

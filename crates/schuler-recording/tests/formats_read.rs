@@ -63,7 +63,8 @@ fn copy(
     path: &Path,
     format: Format,
 ) -> Result<Copied, Error> {
-    table::copy(table, wanted, span_s, (fs::File::create(path).unwrap(), path), format, |_| Ok(()))
+    let span = table::Span { of_s: span_s, step_s: None };
+    table::copy(table, wanted, span, (fs::File::create(path).unwrap(), path), format, |_| Ok(()))
 }
 
 fn in_memory(name: &str, bytes: Vec<u8>, columns: &[&str]) -> Result<Columns, String> {

@@ -118,7 +118,10 @@ fn tables_larger_than_memory_are_copied_and_columns_read() {
         let format = Format::of(&at(to)).unwrap();
         let copied = within(MOST, || {
             let file = std::fs::File::create(at(to)).unwrap();
-            table::copy(table, &wanted, None, (file, &at(to)), format, |_| Ok::<(), Error>(())).unwrap()
+            table::copy(table, &wanted, table::Span::default(), (file, &at(to)), format, |_| {
+                Ok::<(), Error>(())
+            })
+            .unwrap()
         });
         assert_eq!(copied.rows, ROWS as u64, "{from}");
     }

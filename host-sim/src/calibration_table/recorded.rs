@@ -161,7 +161,7 @@ impl CalibrationScenario {
             title: self.title.clone(),
             recording: Source {
                 path: RECORDING.into(),
-                time: "t".to_owned(),
+                time: Some("t".to_owned()),
                 step_s: Some(1.0 / table.samples_per_second as f64),
                 ..Source::default()
             },
@@ -175,6 +175,7 @@ impl CalibrationScenario {
             schuler_loop: None,
             sensors: gyros.chain(accelerometers).collect(),
             calibration: Some(self.run(table, record)),
+            effects: Vec::new(),
             auxiliaries: self
                 .thermometers()
                 .into_iter()

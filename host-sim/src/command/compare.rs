@@ -5,10 +5,10 @@ use schuler_recording::{Error, Problem};
 
 use super::Failure;
 use super::explain::{self, Shown};
-use super::init::{case_of, seen_from, words, write};
+use super::init::{case_of, seen_from, step, words, write};
 use super::session::Session;
 use crate::output;
-use crate::proposal::{look_at, of_pair, pairs};
+use crate::proposal::{Times, look_at, of_pair, pairs};
 
 /// What its help teaches.
 const EXAMPLES: &str = "\
@@ -43,6 +43,12 @@ pub(super) struct Arguments {
     /// Time column of the recording, where that cannot be guessed.
     #[arg(long, value_name = "COLUMN")]
     real_time: Option<String>,
+    /// Step of the simulation's rows in seconds, where it has no column of time: they are taken to be evenly spaced from 0.
+    #[arg(long, value_name = "SECONDS", value_parser = step, conflicts_with = "sim_time")]
+    sim_step_s: Option<f64>,
+    /// Step of the recording's rows in seconds, where it has no column of time: they are taken to be evenly spaced from 0.
+    #[arg(long, value_name = "SECONDS", value_parser = step, conflicts_with = "real_time")]
+    real_step_s: Option<f64>,
     /// Case file to write; without it one of the recording's name, in this directory.
     #[arg(long, value_name = "CASE")]
     case: Option<PathBuf>,
@@ -60,15 +66,25 @@ fn mapped(text: &str) -> Result<(String, String), String> {
         .ok_or_else(|| "expected SIMULATED=RECORDED, names of a column of either table".to_owned())
 }
 
+/// An error of one of the tables, with the option for that table.
+fn of_table(mut error: Error, table: &str) -> Error {
+    for problem in &mut error.problems {
+        problem.message = problem.message.replace("--step-s", &format!("--{table}-step-s"));
+    }
+    error
+}
+
 pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failure> {
     output::protect(&arguments.simulation);
     output::protect(&arguments.recording);
     let case = case_of(arguments.case.as_deref(), &arguments.recording)?;
     arguments.shown.check()?;
     let waiting = session.waiting("reading");
-    let sim = look_at(&arguments.simulation, arguments.sim_time.as_deref())?;
+    let times = Times::stated(arguments.sim_time.as_deref(), arguments.sim_step_s);
+    let sim = look_at(&arguments.simulation, times).map_err(|error| of_table(error, "sim"))?;
     waiting.check()?;
-    let real = look_at(&arguments.recording, arguments.real_time.as_deref())?;
+    let times = Times::stated(arguments.real_time.as_deref(), arguments.real_step_s);
+    let real = look_at(&arguments.recording, times).map_err(|error| of_table(error, "real"))?;
     drop(waiting);
     let matched = pairs(&sim, &real, &arguments.map)
         .map_err(|message| Error::one(&arguments.simulation, Problem::new(None, "--map", message)))?;

@@ -2,7 +2,7 @@
 use std::path::{Path, PathBuf};
 
 use schuler_recording::case::Simulation;
-use schuler_recording::table::{self, Copied, TableReader};
+use schuler_recording::table::{self, Copied, Span, TableReader};
 use schuler_recording::{Error, Problem};
 use serde::Serialize;
 
@@ -104,7 +104,7 @@ fn of_table(arguments: &Arguments, session: &Session) -> Result<Answer, Failure>
     let table = table::open_with(&arguments.input, session.leniency())?;
     let wanted = chosen(&*table, &arguments.columns)
         .map_err(|message| Error::one(&arguments.input, Problem::new(None, "--columns", message)))?;
-    write(table, &wanted, path, format, arguments, session)
+    write(table, &wanted, None, (path, format), arguments, session)
 }
 
 /// Converts a case: the columns that it names, and the case with the new table's name.
@@ -117,6 +117,8 @@ fn of_case(arguments: &Arguments, session: &Session) -> Result<Answer, Failure> 
         let mut columns: Vec<String> = file.case.columns().into_iter().map(str::to_owned).collect();
         let motion = file.case.motion.columns().filter(|column| table.index(column).is_ok());
         columns.extend(motion.map(str::to_owned));
+        let names = file.case.names_in_formulas().into_iter();
+        columns.extend(names.filter(|name| table.index(name).is_ok()).map(str::to_owned));
         columns
     } else {
         arguments.columns.clone()
@@ -129,11 +131,17 @@ fn of_case(arguments: &Arguments, session: &Session) -> Result<Answer, Failure> 
     let name = PathBuf::from(format!("{}{}", stem.display(), format.ending()));
     let case = arguments.output.join(file.path.file_name().unwrap_or_default());
     output::check(&case)?;
-    let mut answer = write(table, &wanted, &arguments.output.join(&name), format, arguments, session)?;
+    let source = &file.case.recording;
+    let step_s = source.step_s.filter(|_| source.time.is_none());
+    let path = arguments.output.join(&name);
+    let mut answer = write(table, &wanted, step_s, (&path, format), arguments, session)?;
     answer.warnings.extend(file.warnings.iter().map(|warning| format!("{}: {warning}", file.path.display())));
     file.case.recording.path = name;
     if let Some(span) = answer.span_s {
         file.case.recording.keep_switching_on(span);
+        if step_s.is_some() {
+            file.case.recording.begin_at(span[0]);
+        }
     }
     // The simulation stays where it is.
     let simulation = file.simulation_path().map(|path| path.canonicalize().unwrap_or(path));
@@ -175,19 +183,19 @@ fn chosen(table: &dyn TableReader, names: &[String]) -> Result<Vec<usize>, Strin
 fn write(
     table: Box<dyn TableReader>,
     wanted: &[usize],
-    path: &Path,
-    format: table::Format,
+    step_s: Option<f64>,
+    (path, format): (&Path, table::Format),
     arguments: &Arguments,
     session: &Session,
 ) -> Result<Answer, Failure> {
-    let span_s = (arguments.from.is_some() || arguments.to.is_some())
+    let of_s = (arguments.from.is_some() || arguments.to.is_some())
         .then(|| [arguments.from.unwrap_or(f64::NEG_INFINITY), arguments.to.unwrap_or(f64::INFINITY)]);
     let columns = wanted.iter().filter_map(|&index| table.names().get(index).cloned()).collect();
     let waiting = session.waiting("converting");
     output::check(path)?;
     output::make_directory_of(path)?;
     let Copied { rows, span_s, warnings, .. } = output::atomically(path, |file| {
-        let copied = table::copy(table, wanted, span_s, (file, path), format, |_| {
+        let copied = table::copy(table, wanted, Span { of_s, step_s }, (file, path), format, |_| {
             waiting.check().map_err(Failure::from)
         })?;
         if copied.rows == 0 && copied.left_out > 0 {

@@ -20,7 +20,7 @@ use crate::flight;
 use crate::flight::sensors::Place;
 use crate::output::{self, Interrupted};
 use crate::plot::Format;
-use crate::proposal::{look_at, of_recording};
+use crate::proposal::{Times, look_at, of_recording};
 use crate::report::{Recorded, Report};
 
 /// Memory that explaining takes, most of it for signatures. Measured: 0.7 kB a row of three columns with nothing found, beside which
@@ -54,6 +54,10 @@ Examples:
 pub(super) struct Arguments {
     /// Case file; or a table, of which a case is guessed.
     case: PathBuf,
+    /// Step of the rows in seconds, of a table that has neither a case nor a column of time: they are taken to be evenly spaced
+    /// from 0. A case states it as recording.step_s.
+    #[arg(long, value_name = "SECONDS", value_parser = init::step)]
+    step_s: Option<f64>,
     #[command(flatten)]
     shown: Shown,
 }
@@ -100,15 +104,24 @@ impl Shown {
 
 pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failure> {
     let is_case = arguments.case.extension().is_none_or(|ending| ending.eq_ignore_ascii_case("toml"));
-    let file = if is_case { session.case(&arguments.case)? } else { of_table(&arguments.case, session)? };
+    let file = if is_case {
+        if arguments.step_s.is_some() {
+            let message =
+                "found with a case; expected a table without one: a case states it as recording.step_s";
+            return Err(Error::one(&arguments.case, Problem::new(None, "--step-s", message)).into());
+        }
+        session.case(&arguments.case)?
+    } else {
+        of_table(&arguments.case, arguments.step_s, session)?
+    };
     explain(file, &arguments.shown, None, session)
 }
 
 /// The case that a table is guessed to be, which is said.
-fn of_table(table: &Path, session: &Session) -> Result<CaseFile, Failure> {
+fn of_table(table: &Path, step_s: Option<f64>, session: &Session) -> Result<CaseFile, Failure> {
     output::protect(table);
     let waiting = session.waiting("reading");
-    let look = look_at(table, None)?;
+    let look = look_at(table, Times::stated(None, step_s))?;
     drop(waiting);
     let name = table.file_name().map(PathBuf::from).unwrap_or_default();
     let proposed = of_recording(&look, &name);
@@ -173,7 +186,7 @@ fn explained(
     let (explanation, arrays) =
         explain_watched(recording, &config, &progress).map_err(|error| match error {
             engine::Error::Cancelled => Failure::Stopped(Interrupted),
-            error => Error::one(case, Problem::of_file(error.to_string())).into(),
+            error => Error::one(case, error.problem()).into(),
         })?;
     Ok(Report {
         title: recording.case.title.clone(),

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::Failure;
 use super::session::Session;
 use crate::output;
-use crate::proposal::{Proposed, look_at, of_recording};
+use crate::proposal::{Proposed, Times, look_at, of_recording};
 
 /// What its help teaches.
 const EXAMPLES: &str = "\
@@ -16,7 +16,10 @@ Examples:
     schuler init logs/run_17.csv
 
   Of a flight log, whose rows are those of one topic:
-    schuler init flight.ulg --time sensor_gyro_0.timestamp --case flight/case.toml";
+    schuler init flight.ulg --time sensor_gyro_0.timestamp --case flight/case.toml
+
+  Of a table without a column of time, sampled at 610.35 Hz:
+    schuler init oscillator.csv --step-s 0.0016384";
 
 /// What to propose a case for.
 #[derive(Debug, clap::Args)]
@@ -27,6 +30,9 @@ pub(super) struct Arguments {
     /// Column of the time, where that cannot be guessed.
     #[arg(long, value_name = "COLUMN")]
     time: Option<String>,
+    /// Step of the rows in seconds, of a table without a column of time: they are taken to be evenly spaced from 0.
+    #[arg(long, value_name = "SECONDS", value_parser = step, conflicts_with = "time")]
+    step_s: Option<f64>,
     /// Case file to write; without it one of the recording's name, in this directory.
     #[arg(long, value_name = "CASE")]
     case: Option<PathBuf>,
@@ -42,11 +48,18 @@ pub(super) struct Written {
     pub(super) said: Vec<String>,
 }
 
+/// A step in seconds.
+pub(super) fn step(text: &str) -> Result<f64, String> {
+    let step_s = text.trim().parse().ok().filter(|step_s: &f64| step_s.is_finite() && *step_s > 0.0);
+    step_s.ok_or_else(|| "expected seconds, more than 0".to_owned())
+}
+
 pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failure> {
     output::protect(&arguments.recording);
     let case = case_of(arguments.case.as_deref(), &arguments.recording)?;
     let waiting = session.waiting("reading");
-    let look = look_at(&arguments.recording, arguments.time.as_deref())?;
+    let times = Times::stated(arguments.time.as_deref(), arguments.step_s);
+    let look = look_at(&arguments.recording, times)?;
     drop(waiting);
     let proposed = of_recording(&look, &seen_from(&case, &arguments.recording));
     let written = write(case, proposed)?;

@@ -90,7 +90,7 @@ pub fn identify_watched<E: Send>(
     Ok(Identification {
         format: report::FORMAT,
         title: recording.case.title.clone(),
-        time_column: recording.case.recording.time.clone(),
+        time_column: recording.case.recording.time_name().to_owned(),
         step_s: recording.step_s,
         rows: recording.len(),
         rows_in_gaps: recording.gaps.iter().map(|gap| gap.missing).sum(),

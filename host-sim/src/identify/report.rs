@@ -38,7 +38,7 @@ pub struct Identification {
     pub format: &'static str,
     /// Title of the case.
     pub title: String,
-    /// Column of time in the table.
+    /// Column of time in the table; `row` where it has none and its rows are evenly spaced.
     pub time_column: String,
     /// Nominal step, s.
     pub step_s: f64,

@@ -27,26 +27,58 @@ const TIMES: [&str; 14] = [
     "sampletime",
     "date",
 ];
+/// Names of counters of rows, which are whole numbers one after another and no time.
+const COUNTERS: [&str; 14] = [
+    "", "sample", "samples", "index", "row", "n", "k", "i", "count", "counter", "frame", "seq", "id",
+    "unnamed0",
+];
 /// Rows that are read to learn what a table holds are all of it, but of its columns no more than this many.
 const MOST_COLUMNS: usize = 400;
 
 /// Difference between mean and median step, as a part of the median, from which on both are told.
 const ANOTHER_MEAN: f64 = 0.01;
 
+/// When the rows of a table are.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Times<'t> {
+    /// As the column says that looks like a time.
+    #[default]
+    Guessed,
+    /// As this column says.
+    Column(&'t str),
+    /// Evenly spaced by this step, s, from 0.
+    Step(f64),
+}
+
+impl<'t> Times<'t> {
+    /// As the options of a command say, of which it takes one at most.
+    pub fn stated(column: Option<&'t str>, step_s: Option<f64>) -> Self {
+        match (step_s, column) {
+            (Some(step_s), _) => Self::Step(step_s),
+            (None, Some(column)) => Self::Column(column),
+            (None, None) => Self::Guessed,
+        }
+    }
+
+    fn column(self) -> Option<&'t str> {
+        if let Self::Column(column) = self { Some(column) } else { None }
+    }
+}
+
 /// What is known of a table.
 #[derive(Clone, Debug)]
 pub struct Look {
     /// The file.
     pub path: PathBuf,
-    /// Name of the time column.
-    pub time: String,
+    /// Name of the time column; none where the rows are evenly spaced by a step that was stated.
+    pub time: Option<String>,
     /// Unit of its stamps.
     pub time_unit: TimeUnit,
     /// Why they are taken for that, where it is not seconds or may not be.
     pub why_unit: Option<String>,
     /// First and last time, s.
     pub span_s: [f64; 2],
-    /// Median distance of rows, s.
+    /// Median distance of rows, or the step that was stated, s.
     pub step_s: f64,
     /// Number of rows.
     pub rows: usize,
@@ -69,11 +101,12 @@ pub struct Column {
     pub values: Vec<f64>,
 }
 
-/// Looks at a table, whose time column is `time` or, without that, the one that looks like it.
+/// Looks at a table, whose rows are at `times`.
 ///
 /// # Errors
 /// A table that cannot be read, that has no names, no time, or nothing beside it.
-pub fn look_at(path: &Path, time: Option<&str>) -> Result<Look, Error> {
+pub fn look_at(path: &Path, times: Times<'_>) -> Result<Look, Error> {
+    let time = times.column();
     // Columns of texts are left out of a proposal, and no reason to refuse a table.
     let table = table::open_with(path, Leniency::Lenient)?;
     let wanted =
@@ -85,26 +118,35 @@ pub fn look_at(path: &Path, time: Option<&str>) -> Result<Look, Error> {
         return Err(Error::one(path, Problem::new(Some(1), "", message)));
     }
     let columns = table.read(&wanted)?;
-    let at = time_of(&names, &columns.values, time)
-        .map_err(|message| Error::one(path, Problem::new(None, time.unwrap_or_default(), message)))?;
-    let stamps = &columns.values[at];
-    let (time_unit, why_unit) = unit_of_stamps(&names[at], stamps);
-    let seconds: Vec<f64> =
-        stamps.iter().filter(|stamp| stamp.is_finite()).map(|stamp| stamp * time_unit.in_seconds()).collect();
+    let rows = columns.rows();
+    let (at, seconds, step_s, time_unit, why_unit) = if let Times::Step(step_s) = times {
+        let seconds: Vec<f64> = (0..rows).map(|row| row as f64 * step_s).collect();
+        (None, seconds, step_s, TimeUnit::Second, None)
+    } else {
+        let at = time_of(&names, &columns.values, time)
+            .map_err(|message| Error::one(path, Problem::new(None, time.unwrap_or_default(), message)))?;
+        let stamps = &columns.values[at];
+        let (time_unit, why_unit) = unit_of_stamps(&names[at], stamps);
+        let seconds: Vec<f64> = (stamps.iter().filter(|stamp| stamp.is_finite()))
+            .map(|stamp| stamp * time_unit.in_seconds())
+            .collect();
+        let step_s = median_step(&seconds);
+        (Some(at), seconds, step_s, time_unit, why_unit)
+    };
     let mut look = Look {
         path: path.to_owned(),
-        time: names[at].clone(),
+        time: at.map(|at| names[at].clone()),
         time_unit,
         why_unit,
         span_s: [seconds.first(), seconds.last()].map(|time| time.copied().unwrap_or_default()),
-        step_s: median_step(&seconds),
-        rows: columns.rows(),
+        step_s,
+        rows,
         columns: Vec::new(),
         left_out: Vec::new(),
         repeats: seconds.windows(2).any(|pair| pair[1] <= pair[0]),
     };
     for (index, (name, values)) in names.iter().zip(&columns.values).enumerate() {
-        if index == at {
+        if Some(index) == at {
             continue;
         }
         let mut numbers = values.iter().copied().filter(|value| value.is_finite());
@@ -114,6 +156,8 @@ pub fn look_at(path: &Path, time: Option<&str>) -> Result<Look, Error> {
             look.left_out.push(format!("{name} (no numbers)"));
         } else if numbers.all(|value| Some(value) == first) {
             look.left_out.push(format!("{name} (constant)"));
+        } else if counts_rows(name, values) {
+            look.left_out.push(format!("{name} (counts the rows)"));
         } else if increases(values)
             && TIMES.contains(&key(name).as_str())
             && guess(name, values).what == What::Other
@@ -128,7 +172,8 @@ pub fn look_at(path: &Path, time: Option<&str>) -> Result<Look, Error> {
         }
     }
     if look.columns.is_empty() {
-        let message = format!("found nothing beside the time that changes: {}", names.join(", "));
+        let beside = if at.is_some() { "beside the time " } else { "" };
+        let message = format!("found nothing {beside}that changes: {}", names.join(", "));
         return Err(Error::one(path, Problem::of_file(message)));
     }
     Ok(look)
@@ -178,12 +223,28 @@ fn time_of(names: &[String], values: &[Vec<f64>], stated: Option<&str>) -> Resul
             (keys[it] == *time || key(own) == *time) && goes_up(&values[it]) && !is_quantity
         })
     });
-    named.or_else(|| (0..names.len()).find(|&it| increases(&values[it]))).ok_or_else(|| {
+    let counters: Vec<usize> = (0..names.len()).filter(|&it| counts_rows(&names[it], &values[it])).collect();
+    let rises = || (0..names.len()).find(|it| increases(&values[*it]) && !counters.contains(it));
+    named.or_else(rises).ok_or_else(|| {
+        let why = match counters.first() {
+            Some(&counter) => format!("{} counts the rows, and no other increases from row to row", names[counter]),
+            None => "none increases from row to row".to_owned(),
+        };
         format!(
-            "found no column that is a time, as none increases from row to row: {}; expected one, in seconds",
+            "found no column that is a time, as {why}: {}; expected one, or, for rows that are evenly spaced, their step \
+             in seconds: state --step-s, in a case recording.step_s",
             names.join(", ")
         )
     })
+}
+
+/// Whether a column is called as a counter of rows and counts them.
+fn counts_rows(name: &str, values: &[f64]) -> bool {
+    let up_by_one = |pair: &[f64]| pair[1] - pair[0] == 1.0;
+    COUNTERS.contains(&key(name).as_str())
+        && values.len() > 1
+        && values.iter().all(|value| value.fract() == 0.0)
+        && values.windows(2).all(up_by_one)
 }
 
 /// Whether values increase from each row to the next.
@@ -214,11 +275,19 @@ pub fn said(look: &Look) -> String {
         String::new()
     };
     let why = look.why_unit.as_ref().map(|why| format!("; {why}")).unwrap_or_default();
+    let Some(time) = &look.time else {
+        return format!(
+            "{}: {} rows without a time, taken to be evenly spaced by the stated step of {} s: {from} to {to:.6} s",
+            look.path.display(),
+            look.rows,
+            look.step_s
+        );
+    };
     format!(
         "{}: {} rows, {from:.6} to {to:.6} s by {}, a row each {:.6} s{mean}{why}",
         look.path.display(),
         look.rows,
-        look.time,
+        time,
         look.step_s
     )
 }

@@ -148,7 +148,7 @@ mod tests {
         };
         Look {
             path: PathBuf::from("x.csv"),
-            time: "t".to_owned(),
+            time: Some("t".to_owned()),
             time_unit: TimeUnit::Second,
             why_unit: None,
             span_s: [0.0, 1.0],

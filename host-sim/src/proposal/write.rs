@@ -51,12 +51,11 @@ pub fn of_pair(sim: &Look, real: &Look, pairs: &Pairs<'_>, tables: [&Path; 2]) -
     let (clock, covers, of_clocks) = clocks(sim, real);
     let _ = write!(
         text,
-        "[simulation]\npath = {}\ntime = {}\n{}clock = \"{clock}\"        # same: times of both are of one clock; unknown: \
+        "[simulation]\npath = {}\n{}clock = \"{clock}\"        # same: times of both are of one clock; unknown: \
          offset and rate are fitted\ncovers = \"{covers}\"         # all: a simulation that ends early is an error; part: the \
          rest is left out\n\n",
         quoted(&sim_table.display().to_string()),
-        quoted(&sim.time),
-        unit_of_time(sim),
+        of_time(sim),
     );
     let of_motion = simulated_motion(sim);
     text.push_str(of_motion.as_deref().unwrap_or("[motion]\nkind = \"unknown\"\n\n"));
@@ -92,22 +91,29 @@ pub fn of_pair(sim: &Look, real: &Look, pairs: &Pairs<'_>, tables: [&Path; 2]) -
 fn head(look: &Look, table: &Path, title: &str) -> String {
     format!(
         "# Proposed by schuler: what stands behind \"guess\" was taken from names and values. Change what is wrong.\n\
-         format = \"schuler-case/1\"\ntitle = {}\n\n[recording]\npath = {}\ntime = {}\n{}{}\n\
+         format = \"schuler-case/1\"\ntitle = {}\n\n[recording]\npath = {}\n{}{}\n\
          # [site]                 # needed where the Earth's rate or gravity enters\n# latitude_deg = 0.0\n# altitude_m = 0.0\n\n",
         quoted(title),
         quoted(&table.display().to_string()),
-        quoted(&look.time),
-        unit_of_time(look),
+        of_time(look),
         if look.repeats { "duplicates = \"drop\"      # guess: rows come twice or late\n" } else { "" }
     )
 }
 
-fn unit_of_time(look: &Look) -> String {
-    if look.time_unit == TimeUnit::Second {
+/// The keys that say when the rows are.
+fn of_time(look: &Look) -> String {
+    let Some(time) = &look.time else {
+        return format!(
+            "step_s = {:?}            # stated: there is no time, the rows are evenly spaced\n",
+            look.step_s
+        );
+    };
+    let unit = if look.time_unit == TimeUnit::Second {
         String::new()
     } else {
         format!("time_unit = \"{}\"         # guess\n", look.time_unit)
-    }
+    };
+    format!("time = {}\n{unit}", quoted(time))
 }
 
 /// What the body does: at rest if its sensors do not move, else not known.
@@ -305,14 +311,14 @@ mod tests {
     use schuler_recording::CaseFile;
     use schuler_recording::case::{MotionKind, SensorKind};
 
-    use super::super::look_at;
     use super::super::pairs::pairs;
+    use super::super::{Times, look_at};
     use super::*;
 
     fn table(folder: &Path, name: &str, text: &str) -> Look {
         let path = folder.join(name);
         std::fs::write(&path, text).unwrap();
-        look_at(&path, None).unwrap()
+        look_at(&path, Times::Guessed).unwrap()
     }
 
     fn parsed(proposed: &Proposed) -> CaseFile {
@@ -328,8 +334,8 @@ mod tests {
         let proposed = of_recording(&look, Path::new("r.csv"));
         let case = parsed(&proposed).case;
         assert_eq!(
-            (case.recording.time.as_str(), case.recording.time_unit),
-            ("time_ms", Some(TimeUnit::Millisecond))
+            (case.recording.time.as_deref(), case.recording.time_unit),
+            (Some("time_ms"), Some(TimeUnit::Millisecond))
         );
         assert_eq!(case.motion.kind, MotionKind::Static);
         let kinds: Vec<SensorKind> = case.sensors.iter().map(|sensor| sensor.kind).collect();

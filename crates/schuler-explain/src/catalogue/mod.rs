@@ -15,6 +15,7 @@
 //! | `noise` | another random part |
 //! | `setup` | what is simply wrong in a case, and the noise of its reference |
 //! | `unnamed` | what is in no catalogue, as a rival of all that is |
+//! | `user`, `formula` | what the case itself defines by a formula |
 //!
 //! `in_flight` says what the flight module can do about an effect.
 mod additive;
@@ -22,6 +23,7 @@ mod draft;
 mod effect;
 mod environment;
 mod failures;
+mod formula;
 mod g_sensitivity;
 mod general;
 mod gravity;
@@ -34,12 +36,14 @@ mod setup;
 mod thermal;
 mod tide;
 mod unnamed;
+mod user;
 
 pub use effect::{
     AT_MEAN, AT_START, Amplitude, Candidate, Column, Effect, NoiseChange, Nonlinear, OnsetShape, Port,
     ReadingFault, Search, Signature, SignatureOf, Target, share_equal_series,
 };
 pub use in_flight::{GyroAxis, HAS_NO_TERM, InFlight, Part};
+pub use user::of_case;
 
 use crate::nominal::Model;
 

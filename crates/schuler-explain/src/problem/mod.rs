@@ -8,10 +8,11 @@ use rayon::prelude::*;
 
 use self::prepared::{Prepared, is_spoilt};
 use crate::catalogue::{
-    CATALOGUE, Candidate, Effect, Port, SETUP, Search, Target, UNNAMED, share_equal_series,
+    CATALOGUE, Candidate, Effect, Port, SETUP, Search, Target, UNNAMED, of_case, share_equal_series,
 };
 use crate::config::Config;
 use crate::description::sensors_of;
+use crate::explain::Error;
 use crate::inputs::Inputs;
 use crate::nominal::Model;
 use crate::watch::Watch;
@@ -60,8 +61,13 @@ impl<'p> Problem<'p> {
     }
 }
 
-/// What the whole catalogue gives in a case, and what may be wrong in the case itself.
-pub fn catalogued(inputs: &Inputs<'_>) -> Vec<Candidate> {
+/// What the whole catalogue gives in a case, what the case defines itself, and what may be wrong in it.
+///
+/// # Errors
+/// An effect of the case's own that cannot be sought.
+pub fn catalogued(inputs: &Inputs<'_>) -> Result<Vec<Candidate>, Error> {
+    let mut own = of_case(inputs)?;
+    share_equal_series(&mut own);
     let of_effect = |effect: &'static Effect| {
         let mut candidates = (effect.candidates)(effect, inputs);
         share_equal_series(&mut candidates);
@@ -69,7 +75,9 @@ pub fn catalogued(inputs: &Inputs<'_>) -> Vec<Candidate> {
     };
     let others = SETUP.iter().copied().chain([UNNAMED]);
     let all: Vec<&'static Effect> = CATALOGUE.iter().chain(others).collect();
-    all.into_par_iter().flat_map_iter(of_effect).collect()
+    let mut candidates: Vec<Candidate> = all.into_par_iter().flat_map_iter(of_effect).collect();
+    candidates.append(&mut own);
+    Ok(candidates)
 }
 
 /// Those candidates that reach anything which is compared.

@@ -19,7 +19,7 @@ impl Scene {
             title: String::new(),
             recording: Source {
                 path: "r.csv".into(),
-                time: "t".into(),
+                time: Some("t".into()),
                 step_s: Some(step_s),
                 ..Source::default()
             },
@@ -30,6 +30,7 @@ impl Scene {
             sensors: Vec::new(),
             calibration: None,
             auxiliaries: Vec::new(),
+            effects: Vec::new(),
         };
         Self(Recording {
             case,
@@ -41,6 +42,7 @@ impl Scene {
             auxiliaries: Vec::new(),
             motion: MotionSeries::default(),
             table_angle: None,
+            in_formulas: Vec::new(),
             warnings: Vec::new(),
         })
     }

@@ -30,7 +30,7 @@ pub fn recording(motion: MotionKind, sensors: Vec<SensorSeries>) -> Recording {
             title: String::new(),
             recording: Source {
                 path: "x.csv".into(),
-                time: "t".to_owned(),
+                time: Some("t".to_owned()),
                 step_s: Some(1.0),
                 ..Source::default()
             },
@@ -40,6 +40,7 @@ pub fn recording(motion: MotionKind, sensors: Vec<SensorSeries>) -> Recording {
             schuler_loop: None,
             sensors: sensors.iter().map(|series| series.sensor.clone()).collect(),
             auxiliaries: Vec::new(),
+            effects: Vec::new(),
             calibration: None,
         },
         step_s: 1.0,
@@ -50,6 +51,7 @@ pub fn recording(motion: MotionKind, sensors: Vec<SensorSeries>) -> Recording {
         auxiliaries: Vec::new(),
         motion: MotionSeries::default(),
         table_angle: None,
+        in_formulas: Vec::new(),
         warnings: Vec::new(),
     }
 }

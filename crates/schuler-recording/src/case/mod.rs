@@ -5,10 +5,12 @@
 //! [`calibration`].
 mod attitude;
 pub mod calibration;
+mod effect;
 mod grade;
 mod motion;
 mod read;
 mod simulation;
+mod source;
 mod write;
 
 use std::path::{Path, PathBuf};
@@ -16,9 +18,11 @@ use std::path::{Path, PathBuf};
 use serde::{Serialize, Serializer};
 
 pub use attitude::{AttitudeColumns, Frames, Order};
+pub use effect::UserEffect;
 pub use grade::Grade;
 pub use motion::{Attitude, Motion, MotionKind};
 pub use simulation::{Clock, Covers, Simulation};
+pub use source::{Duplicates, Source, TimeUnit};
 
 use crate::document::Lines;
 use crate::error::Error;
@@ -92,6 +96,9 @@ pub struct Case {
     /// Other recorded quantities.
     #[serde(rename = "aux", skip_serializing_if = "Vec::is_empty")]
     pub auxiliaries: Vec<Auxiliary>,
+    /// Effects of the user's own.
+    #[serde(rename = "effect", skip_serializing_if = "Vec::is_empty")]
+    pub effects: Vec<UserEffect>,
 }
 
 impl Case {
@@ -101,11 +108,22 @@ impl Case {
     }
 }
 
+/// What of a Schuler loop an answer names, and an auxiliary quantity may be near to.
+const PARTS_OF_THE_LOOP: &[&str] = &["velocity", "accelerometer", "gyro"];
+
 impl Case {
-    /// The columns of the table that the case names, each once; the time first. Where the simulation has a table of its own,
+    /// The names in the formulas of effects, each once; which of them are columns, only the table tells.
+    pub fn names_in_formulas(&self) -> Vec<&str> {
+        let names = self.effects.iter().flat_map(|effect| effect.formula.names());
+        let mut seen = std::collections::HashSet::new();
+        names.map(|(name, ..)| name).filter(|name| seen.insert(*name)).collect()
+    }
+
+    /// The columns of the table that the case names, each once; the time first, where there is one; without those of
+    /// [formulas](Self::names_in_formulas). Where the simulation has a table of its own,
     /// neither the predictions, which are in that, nor the motion, of which only reading it tells in which it is.
     pub fn columns(&self) -> Vec<&str> {
-        let mut columns = vec![self.recording.time.as_str()];
+        let mut columns: Vec<&str> = self.recording.time.iter().map(String::as_str).collect();
         columns.extend(self.sensors.iter().map(|sensor| sensor.column.as_str()));
         let own_table = self.simulation.as_ref().is_some_and(|simulation| simulation.table.is_some());
         if !own_table {
@@ -120,88 +138,6 @@ impl Case {
         columns.retain(|column| seen.insert(*column));
         columns
     }
-}
-
-/// Where the table is and what its time means.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Source {
-    /// Path of the table, relative to the case's file.
-    pub path: PathBuf,
-    /// Column of time, increasing, of any origin.
-    pub time: String,
-    /// Unit of the time; without it guessed from the column's name and from the stamps, which is said.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub time_unit: Option<TimeUnit>,
-    /// Step, s; without it that of the clock that the stamps show.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub step_s: Option<f64>,
-    /// What becomes of rows that come twice or late; without it they are an error.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub duplicates: Option<Duplicates>,
-    /// When the instruments were switched on within the recording, s as the time column, increasing; empty where they never
-    /// were. Without it that is guessed from supplies that are off and from gaps.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub switched_on_s: Option<Vec<f64>>,
-}
-
-impl Source {
-    /// Keeps the times of switching on that are in a part of the table, from the first to the last of its time stamps.
-    pub fn keep_switching_on(&mut self, stamps: [f64; 2]) {
-        let [first_s, last_s] = stamps.map(|stamp| stamp * self.time_unit.unwrap_or_default().in_seconds());
-        if let Some(stated_s) = &mut self.switched_on_s {
-            stated_s.retain(|time_s| (first_s..=last_s).contains(time_s));
-        }
-    }
-}
-
-/// Unit of a time column.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum TimeUnit {
-    /// Seconds.
-    #[default]
-    Second,
-    /// Milliseconds.
-    Millisecond,
-    /// Microseconds.
-    Microsecond,
-    /// Nanoseconds.
-    Nanosecond,
-}
-
-impl TimeUnit {
-    /// Every unit under its name in the case file.
-    pub const NAMES: [(&'static str, TimeUnit); 4] = [
-        ("s", TimeUnit::Second),
-        ("ms", TimeUnit::Millisecond),
-        ("us", TimeUnit::Microsecond),
-        ("ns", TimeUnit::Nanosecond),
-    ];
-
-    /// Seconds that one of it is.
-    pub const fn in_seconds(self) -> f64 {
-        match self {
-            Self::Second => 1.0,
-            Self::Millisecond => 1e-3,
-            Self::Microsecond => 1e-6,
-            Self::Nanosecond => 1e-9,
-        }
-    }
-}
-
-/// What becomes of rows whose time is not after that of the row before. Rows that are earlier are left out either way; more than
-/// a tenth of them are an error.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Duplicates {
-    /// Of rows with one time the first is kept.
-    Drop,
-    /// Rows with one time are averaged, column by column.
-    Average,
-}
-
-impl Duplicates {
-    /// Every remedy under its name in the case file.
-    pub const NAMES: [(&'static str, Duplicates); 2] =
-        [("drop", Duplicates::Drop), ("average", Duplicates::Average)];
 }
 
 /// A place on the Earth.

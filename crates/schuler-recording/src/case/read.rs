@@ -2,9 +2,8 @@
 use std::path::Path;
 
 use super::{
-    Attitude, Auxiliary, Case, CaseFile, Duplicates, ELECTRONICS, ExponentialCosine, FORMAT, Grade, Markov,
-    Motion, MotionKind, Nominal, Quantity, SchulerLoop, Sensor, SensorKind, Site, Source, TemperatureBias,
-    TimeUnit,
+    Attitude, Auxiliary, Case, CaseFile, ELECTRONICS, ExponentialCosine, FORMAT, Grade, Markov, Motion,
+    MotionKind, Nominal, PARTS_OF_THE_LOOP, Quantity, SchulerLoop, Sensor, SensorKind, Site, TemperatureBias,
 };
 use crate::document::{Field, Node, Parsed, parse_with, suggestion};
 use crate::error::Error;
@@ -59,7 +58,9 @@ impl CaseFile {
 fn case(node: &Node<'_>) -> Option<Case> {
     let format = node.required("format", &format!("\"{FORMAT}\"")).and_then(|field| format_is_known(&field));
     let title = optional(node, "title", Field::any_text);
-    let recording = node.required("recording", "a table [recording]").and_then(|field| field.table(source));
+    let recording = node
+        .required("recording", "a table [recording]")
+        .and_then(|field| field.table(super::source::source));
     let site = optional(node, "site", |field| field.table(site));
     let simulation = optional(node, "simulation", |field| field.table(super::simulation::simulation));
     let motion = optional(node, "motion", |field| field.table(motion));
@@ -67,6 +68,7 @@ fn case(node: &Node<'_>) -> Option<Case> {
     let calibration = optional(node, "calibration", |field| field.table(super::calibration::calibration));
     let sensors = node.tables("sensor", sensor);
     let auxiliaries = node.tables("aux", auxiliary);
+    let effects = node.tables("effect", super::effect::effect);
     format?;
     let case = Case {
         title: title?.unwrap_or_default(),
@@ -78,12 +80,10 @@ fn case(node: &Node<'_>) -> Option<Case> {
         sensors: sensors?,
         calibration: calibration?,
         auxiliaries: auxiliaries?,
+        effects: effects?,
     };
     agrees_with_itself(node, case)
 }
-
-/// What of a Schuler loop an answer names, and an auxiliary quantity may be near to.
-const PARTS_OF_THE_LOOP: &[&str] = &["velocity", "accelerometer", "gyro"];
 
 /// What no single field can show.
 fn agrees_with_itself(node: &Node<'_>, case: Case) -> Option<Case> {
@@ -123,6 +123,7 @@ fn agrees_with_itself(node: &Node<'_>, case: Case) -> Option<Case> {
         }
     }
     simulation_is_used(node, &case)?;
+    super::effect::fit_the_case(node, &case)?;
     if case.motion.kind == MotionKind::VelocityError {
         let velocities = case.sensors.iter().filter(|sensor| sensor.kind == SensorKind::InsVelocity).count();
         if velocities != 1 {
@@ -170,35 +171,6 @@ fn simulation_is_used(node: &Node<'_>, case: &Case) -> Option<()> {
 fn format_is_known(field: &Field<'_>) -> Option<()> {
     let format = field.text()?;
     if format == FORMAT { Some(()) } else { field.wrong(&format!("\"{FORMAT}\"")) }
-}
-
-fn source(node: &Node<'_>) -> Option<Source> {
-    let path = node.required("path", "the path of the table").and_then(|field| field.text());
-    let time = node.required("time", "the name of the time column").and_then(|field| field.text());
-    let time_unit = optional(node, "time_unit", |field| field.one_of(&TimeUnit::NAMES));
-    let step_s = optional(node, "step_s", positive);
-    let duplicates = optional(node, "duplicates", |field| field.one_of(&Duplicates::NAMES));
-    let switched_on_s = optional(node, "switched_on_s", increasing);
-    Some(Source {
-        path: path?.into(),
-        time: time?,
-        time_unit: time_unit?,
-        step_s: step_s?,
-        duplicates: duplicates?,
-        switched_on_s: switched_on_s?,
-    })
-}
-
-/// Times, each later than the one before; none is a statement, too.
-fn increasing(field: &Field<'_>) -> Option<Vec<f64>> {
-    let times_s = field.any_numbers()?;
-    match times_s.windows(2).find(|pair| pair[1] <= pair[0]) {
-        Some(pair) => {
-            let found = format!("found {} after {}", pair[1], pair[0]);
-            field.problem(format!("{found}; expected times in seconds, each later than the one before"))
-        }
-        None => Some(times_s),
-    }
 }
 
 fn site(node: &Node<'_>) -> Option<Site> {

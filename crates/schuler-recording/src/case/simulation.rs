@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::read::{optional, positive};
-use super::{Source, TimeUnit};
+use super::source::{Source, TimeUnit, rows_have_times};
 use crate::document::{Field, Node};
 
 /// Output of the user's simulator, which takes the place of the nominal prediction.
@@ -57,21 +57,21 @@ pub(super) fn simulation(node: &Node<'_>) -> Option<Simulation> {
     let step_s = optional(node, "step_s", positive);
     let clock = optional(node, "clock", |field| field.one_of(&Clock::NAMES));
     let covers = optional(node, "covers", |field| field.one_of(&Covers::NAMES));
-    let table = match (path?, time?) {
-        (None, None) => None,
-        (Some(path), Some(time)) => Some(Source {
-            path: PathBuf::from(path),
-            time,
-            time_unit: time_unit?,
-            step_s: step_s?,
-            ..Source::default()
-        }),
-        (Some(_), None) => {
-            return node.problem_at("time", "missing; expected the name of the time column of its table");
+    let table = match path? {
+        Some(path) => {
+            rows_have_times(node)?;
+            Some(Source {
+                path: PathBuf::from(path),
+                time: time?,
+                time_unit: time_unit?,
+                step_s: step_s?,
+                ..Source::default()
+            })
         }
-        (None, Some(_)) => {
+        None if time?.is_some() => {
             return node.problem_at("path", "missing; expected the path of its table, as time is given");
         }
+        None => None,
     };
     let clock = clock?.unwrap_or_default();
     if clock == Clock::Unknown && table.is_none() {

@@ -1,19 +1,24 @@
 //! Where the columns of a case stand in its table, and what becomes of them.
 use super::grid::Gap;
-use super::{AuxiliarySeries, MotionSeries, Quality, Recording, SensorSeries};
+use super::{AuxiliarySeries, FormulaColumn, MotionSeries, Quality, Recording, SensorSeries};
 use crate::case::{Auxiliary, Case, CaseFile, Quantity};
 use crate::error::{Error, Problem};
+use crate::formula::check::Scope;
 use crate::motion::roll_pitch_yaw;
-use crate::table::{Columns, TableReader};
+use crate::table::{Chunks, Columns, TableReader};
 use crate::unit::{AuxConversion, Unit};
 
-/// The columns that a case asks of its table. A place is an index into the columns asked for.
+/// Place of the time: of a log it decides what the rows are.
+pub(super) const TIME: usize = 0;
+
+/// The columns that a case asks of its table. A place is an index into the columns asked for, of which the first is the time, or,
+/// where there is none, the number of the row.
 #[derive(Clone, Debug)]
 pub(super) struct Layout {
-    /// Index in the table of each column asked for.
-    pub(super) indices: Vec<usize>,
-    /// Place of the time.
-    pub(super) time: usize,
+    /// Index in the table of each column asked for; the number of the row is none of the table.
+    indices: Vec<usize>,
+    /// Whether the rows are counted, as there is no column of time.
+    counted: bool,
     /// What warnings call each column.
     names: Vec<String>,
     sensors: Vec<usize>,
@@ -27,6 +32,10 @@ pub(super) struct Layout {
     /// Of an attitude in another form.
     attitude: Option<Vec<usize>>,
     table_angle: Option<usize>,
+    /// Columns in formulas, each with the factor and the offset that make its numbers values in its unit.
+    in_formulas: Vec<(String, usize, [f64; 2])>,
+    /// What the user is told of formulas.
+    pub(super) notes: Vec<String>,
 }
 
 /// The rows of a recording.
@@ -49,10 +58,19 @@ impl Layout {
         table: &dyn TableReader,
         simulated: impl Fn(&str) -> bool,
     ) -> Result<Self, Error> {
-        let mut wanted = Wanted { file, table, indices: Vec::new(), names: Vec::new(), problems: Vec::new() };
+        let mut wanted = Wanted {
+            file,
+            table,
+            indices: Vec::new(),
+            names: Vec::new(),
+            problems: Vec::new(),
+            notes: Vec::new(),
+        };
         let case = &file.case;
-        // First: of a log it decides what the rows are.
-        let time = wanted.column(&case.recording.time, "recording.time");
+        match &case.recording.time {
+            Some(time) => _ = wanted.column(time, "recording.time"),
+            None => wanted.names.push(case.recording.time_name().to_owned()),
+        }
         let sensors = (case.sensors.iter().enumerate())
             .map(|(index, it)| wanted.column(&it.column, &format!("sensor[{index}].column")))
             .collect();
@@ -89,13 +107,14 @@ impl Layout {
                 attitude.columns.iter().enumerate().map(place).collect()
             });
         let table_angle = case.table().map(|it| wanted.column(&it.column, "calibration.table.column"));
-        let Wanted { indices, names, problems, .. } = wanted;
+        let in_formulas = wanted.in_formulas();
+        let Wanted { indices, names, problems, notes, .. } = wanted;
         if !problems.is_empty() {
             return Err(Error::new(&file.path, problems));
         }
         Ok(Self {
             indices,
-            time,
+            counted: case.recording.time.is_none(),
             names,
             sensors,
             predicted,
@@ -106,7 +125,22 @@ impl Layout {
             attitude_rad,
             attitude,
             table_angle,
+            in_formulas,
+            notes,
         })
+    }
+
+    /// The rows of these columns in a table.
+    ///
+    /// # Errors
+    /// As [`TableReader::chunks`].
+    pub(super) fn chunks(&self, table: Box<dyn TableReader>) -> Result<Chunks, Error> {
+        if self.counted { table.numbered_chunks(&self.indices) } else { table.chunks(&self.indices) }
+    }
+
+    /// Number of the columns, the time among them.
+    pub(super) fn width(&self) -> usize {
+        self.names.len()
     }
 
     /// Place of the column of a sensor.
@@ -122,7 +156,7 @@ impl Layout {
             let infinite = columns.infinite.get(place).copied().unwrap_or_default();
             Quality { present: values.len() - missing, missing, infinite, in_gaps: 0 }
         };
-        (0..self.indices.len()).map(of).collect()
+        (0..self.width()).map(of).collect()
     }
 
     /// What the user is told of infinite values, given their number in each column.
@@ -132,7 +166,7 @@ impl Layout {
         infinite: &'l [usize],
     ) -> impl Iterator<Item = String> + use<'l> {
         let table = file.table_path();
-        (self.names.iter().zip(infinite).skip(1)).filter(|&(_, &infinite)| infinite > 0).map(
+        (self.names.iter().zip(infinite).skip(TIME + 1)).filter(|&(_, &infinite)| infinite > 0).map(
             move |(name, infinite)| {
                 format!("{}: {name}: {infinite} infinite values are missing", table.display())
             },
@@ -194,6 +228,12 @@ impl Layout {
         }
         let angle_unit = case.table().map_or(1.0, |it| it.unit.in_si());
         let table_angle = self.table_angle.map(|place| scaled(values(place), angle_unit));
+        let in_formulas = (self.in_formulas.iter())
+            .map(|(column, place, [factor, offset])| FormulaColumn {
+                column: column.clone(),
+                values: values(*place).into_iter().map(|value| factor * value + offset).collect(),
+            })
+            .collect();
         Recording {
             case,
             step_s: rows.step_s,
@@ -204,14 +244,17 @@ impl Layout {
             auxiliaries,
             motion,
             table_angle,
+            in_formulas,
             warnings,
         }
     }
 }
 
-/// What the user is told of the case itself.
+/// What the user is told of the case itself, and of what it lets assume of the table.
 pub(super) fn file_warnings(file: &CaseFile) -> Vec<String> {
-    file.warnings.iter().map(|warning| format!("{}: {warning}", file.path.display())).collect()
+    let of_case = file.warnings.iter().map(|warning| format!("{}: {warning}", file.path.display()));
+    let of_table = file.case.recording.assumption();
+    of_case.chain(of_table.map(|said| format!("{} {said}", file.table_path().display()))).collect()
 }
 
 /// What the user is told of the times.
@@ -221,7 +264,7 @@ pub(super) fn time_note(file: &CaseFile, note: Option<String>) -> Option<String>
 
 /// A problem of the times is one of the table, or of the step that the case gives.
 pub(super) fn time_error(file: &CaseFile, mut problem: Problem) -> Error {
-    if problem.line.is_some() || problem.field == file.case.recording.time {
+    if problem.line.is_some() || problem.field == file.case.recording.time_name() {
         return Error::one(file.table_path(), problem);
     }
     "recording.step_s".clone_into(&mut problem.field);
@@ -276,6 +319,15 @@ fn all_auxiliaries(case: &Case) -> Vec<(Auxiliary, String)> {
     all
 }
 
+/// Factor and offset that make the numbers of a column values in the unit that the case states for it.
+fn in_unit(case: &Case, column: &str) -> [f64; 2] {
+    if let Some(sensor) = case.sensors.iter().find(|sensor| sensor.column == column) {
+        return [sensor.scale.unwrap_or(1.0), 0.0];
+    }
+    let auxiliary = case.auxiliaries.iter().find(|auxiliary| auxiliary.column == column);
+    auxiliary.map_or([1.0, 0.0], |it| [it.scale.unwrap_or(1.0), it.offset.unwrap_or(0.0)])
+}
+
 /// Columns that are looked for.
 struct Wanted<'f> {
     file: &'f CaseFile,
@@ -283,9 +335,38 @@ struct Wanted<'f> {
     indices: Vec<usize>,
     names: Vec<String>,
     problems: Vec<Problem>,
+    notes: Vec<String>,
 }
 
 impl Wanted<'_> {
+    /// Asks for the columns in the formulas of effects, whose names it checks.
+    fn in_formulas(&mut self) -> Vec<(String, usize, [f64; 2])> {
+        let case = &self.file.case;
+        for (index, effect) in case.effects.iter().enumerate() {
+            let path = format!("effect[{index}].formula");
+            let free: Vec<&str> = effect.free.keys().map(String::as_str).collect();
+            let scope = Scope { columns: self.table.names(), free: &free };
+            if let Some(name) = free.iter().find(|name| self.table.index(name).is_ok()) {
+                let path = format!("effect[{index}].free.{name}");
+                let message = "found the name of a column of the table; expected one of its own".to_owned();
+                self.problems.push(Problem::new(self.file.lines.get(&path), path, message));
+            } else if let Err(mistake) = effect.formula.amplitudes(&scope) {
+                self.problems.push(Problem::new(self.file.lines.get(&path), path, mistake.to_string()));
+            } else if let Some((name, column)) = effect.formula.resembling(&scope) {
+                let case = self.file.path.display();
+                self.notes.push(format!(
+                    "{case}: {path}: {name} is no column and taken for an amplitude; a column is called {column}"
+                ));
+            }
+        }
+        let names = case.names_in_formulas().into_iter().filter(|name| self.table.index(name).is_ok());
+        let names: Vec<&str> = names.collect();
+        names
+            .into_iter()
+            .map(|name| (name.to_owned(), self.column(name, name), in_unit(case, name)))
+            .collect()
+    }
+
     /// Asks for the column `name`, which stands at `path` in the case; returns its place.
     fn column(&mut self, name: &str, path: &str) -> usize {
         match self.table.index(name) {
@@ -295,6 +376,6 @@ impl Wanted<'_> {
             }
             Err(message) => self.problems.push(Problem::new(self.file.lines.get(path), path, message)),
         }
-        self.indices.len().saturating_sub(1)
+        self.names.len().saturating_sub(1)
     }
 }

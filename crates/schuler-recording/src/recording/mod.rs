@@ -23,7 +23,7 @@ use crate::unit::Unit;
 
 use grid::Grid;
 pub use grid::{GAP_STEPS, Gap};
-use layout::{Layout, Rows, file_warnings, time_error, time_note};
+use layout::{Layout, Rows, TIME, file_warnings, time_error, time_note};
 use simulated::Simulated;
 use stamps::Timed;
 pub use stamps::unit_of_stamps;
@@ -51,6 +51,8 @@ pub struct Recording {
     pub motion: MotionSeries,
     /// Angle of the table in a calibration run, rad; NaN = missing.
     pub table_angle: Option<Vec<f64>>,
+    /// The columns in formulas of the case's effects.
+    pub in_formulas: Vec<FormulaColumn>,
     /// What the user should be told: what was left out, a row cut off, infinite values, what was made of the time stamps.
     pub warnings: Vec<String>,
 }
@@ -79,6 +81,15 @@ pub struct AuxiliarySeries {
     pub values: Vec<f64>,
     /// How complete they are.
     pub quality: Quality,
+}
+
+/// A column in the formula of an effect.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FormulaColumn {
+    /// Its name.
+    pub column: String,
+    /// Values in the unit that the case states for the column, else as the table has them; NaN = missing.
+    pub values: Vec<f64>,
 }
 
 /// How complete a series is.
@@ -146,20 +157,21 @@ impl Recording {
         let simulated = Simulated::read(&file)?;
         let layout =
             Layout::new(&file, &*table, |column| simulated.as_ref().is_some_and(|it| it.has(column)))?;
-        let mut columns = Columns::none(layout.indices.len());
-        for chunk in Timed::new(&file, table.chunks(&layout.indices)?, layout.time) {
+        let mut columns = Columns::none(layout.width());
+        for chunk in Timed::new(&file, layout.chunks(table)?) {
             columns.append(chunk?);
-            watch(columns.rows(), layout.indices.len())?;
+            watch(columns.rows(), layout.width())?;
         }
-        let recorded_s = columns.values.get(layout.time).map_or(&[][..], Vec::as_slice);
-        let mut grid =
-            Grid::new(&file.case.recording.time, recorded_s, &columns.lines, file.case.recording.step_s)
-                .map_err(|problem| time_error(&file, problem))?;
+        let recorded_s = columns.values.get(TIME).map_or(&[][..], Vec::as_slice);
+        let source = &file.case.recording;
+        let mut grid = Grid::new(source.time_name(), recorded_s, &columns.lines, source.step_s)
+            .map_err(|problem| time_error(&file, problem))?;
         layout::switched_on_within(&file, &grid.time_s)?;
         // Rows are put in only if the user has the memory for them.
-        watch(grid.time_s.len(), layout.indices.len())?;
+        watch(grid.time_s.len(), layout.width())?;
         let mut warnings = alike::said(&file.case, &layout, &columns, &file.table_path());
         warnings.extend(file_warnings(&file));
+        warnings.extend_from_slice(&layout.notes);
         warnings.append(&mut columns.warnings);
         warnings.extend(layout.infinite_warnings(&file, &columns.infinite));
         warnings.extend(time_note(&file, grid.note.take()));

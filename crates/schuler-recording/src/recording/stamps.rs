@@ -1,6 +1,7 @@
 //! The stamps of a table made times: in seconds, and with the remedy that the case states for those that come twice or late.
 use std::path::PathBuf;
 
+use super::layout::TIME;
 use crate::case::{CaseFile, Duplicates, TimeUnit};
 use crate::error::{Error, Problem, rounded};
 use crate::table::{Chunks, Columns};
@@ -29,10 +30,10 @@ const FEW_LATE: usize = 10;
 /// Rows of a table whose times are in seconds; those that come twice or late are treated as the case says.
 pub(super) struct Timed {
     rest: Chunks,
-    /// Place of the time.
-    time: usize,
     path: PathBuf,
     column: String,
+    /// Whether rows are counted, and their times are multiples of the stated step.
+    counted: bool,
     stated: Option<TimeUnit>,
     /// The step that the case states, s.
     step_s: Option<f64>,
@@ -51,14 +52,14 @@ pub(super) struct Timed {
 }
 
 impl Timed {
-    /// Of rows with the time at the place `time`.
-    pub(super) fn new(file: &CaseFile, rest: Chunks, time: usize) -> Self {
+    /// Of rows whose first column is the time, or the number of the row where the case has no column of time.
+    pub(super) fn new(file: &CaseFile, rest: Chunks) -> Self {
         let source = &file.case.recording;
         Self {
             rest,
-            time,
             path: file.table_path(),
-            column: source.time.clone(),
+            column: source.time_name().to_owned(),
+            counted: source.time.is_none(),
             stated: source.time_unit,
             step_s: source.step_s,
             unit_s: None,
@@ -76,9 +77,16 @@ impl Timed {
 
     /// Makes the times of a chunk seconds.
     fn in_seconds(&mut self, columns: &mut Columns) {
-        let Some(stamps) = columns.values.get_mut(self.time).filter(|stamps| !stamps.is_empty()) else {
+        let Some(stamps) = columns.values.get_mut(TIME).filter(|stamps| !stamps.is_empty()) else {
             return;
         };
+        if self.counted {
+            let step_s = self.step_s.unwrap_or(1.0);
+            for row in stamps.iter_mut() {
+                *row *= step_s;
+            }
+            return;
+        }
         let unit_s = self.unit_s.unwrap_or_else(|| {
             let (unit, why) = match self.stated {
                 Some(unit) => (unit, None),
@@ -106,7 +114,7 @@ impl Timed {
         kept.infinite.clone_from(&columns.infinite);
         for (index, &line) in columns.lines.iter().enumerate() {
             self.rows += 1;
-            let time_s = columns.values[self.time][index];
+            let time_s = columns.values[TIME][index];
             let values = || columns.values.iter().map(|values| values[index]);
             match self.last_s {
                 Some(last_s) if time_s < last_s => {
@@ -202,7 +210,7 @@ impl Iterator for Timed {
             }
             None => return self.end(),
         };
-        leave_out_empty(&mut columns, self.time);
+        leave_out_empty(&mut columns);
         self.in_seconds(&mut columns);
         let Some(duplicates) = self.duplicates else { return Some(Ok(columns)) };
         Some(Ok(self.remedied(&columns, duplicates)))
@@ -210,13 +218,13 @@ impl Iterator for Timed {
 }
 
 /// Leaves out rows that have a time and nothing else: they say as much as rows that are not there, and are to give the same answer.
-fn leave_out_empty(columns: &mut Columns, time: usize) {
+fn leave_out_empty(columns: &mut Columns) {
     if columns.values.len() < 2 {
         return;
     }
     let says = |row: usize| {
-        let others = columns.values.iter().enumerate().filter(|&(place, _)| place != time);
-        others.into_iter().any(|(_, values)| values.get(row).is_some_and(|value| !value.is_nan()))
+        let mut others = columns.values.iter().skip(TIME + 1);
+        others.any(|values| values.get(row).is_some_and(|value| !value.is_nan()))
     };
     let kept: Vec<bool> = (0..columns.rows()).map(says).collect();
     if kept.iter().all(|kept| *kept) {

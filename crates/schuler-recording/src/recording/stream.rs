@@ -1,6 +1,6 @@
 //! A recording of any length, a few thousand rows at a time.
 use super::grid::{Survey, Walk};
-use super::layout::{Layout, Rows, file_warnings, time_error, time_note};
+use super::layout::{Layout, Rows, TIME, file_warnings, time_error, time_note};
 use super::stamps::Timed;
 use super::{Quality, Recording};
 use crate::case::CaseFile;
@@ -32,12 +32,13 @@ impl Stream {
     ) -> Result<Self, E> {
         let table = file.open_table()?;
         let layout = Layout::new(&file, &*table, |_| false)?;
-        let mut survey = Survey::new(&file.case.recording.time, file.case.recording.step_s);
-        let mut quality = vec![Quality::default(); layout.indices.len()];
+        let mut survey = Survey::new(file.case.recording.time_name(), file.case.recording.step_s);
+        let mut quality = vec![Quality::default(); layout.width()];
         let mut warnings = file_warnings(&file);
-        for columns in Timed::new(&file, table.chunks(&layout.indices)?, layout.time) {
+        warnings.extend_from_slice(&layout.notes);
+        for columns in Timed::new(&file, layout.chunks(table)?) {
             let mut columns = columns?;
-            let time_s = columns.values.get(layout.time).cloned().unwrap_or_default();
+            let time_s = columns.values.get(TIME).cloned().unwrap_or_default();
             survey.add(&time_s, &columns.lines).map_err(|problem| time_error(&file, problem))?;
             warnings.append(&mut columns.warnings);
             let of_chunk = layout.quality(&columns);
@@ -93,7 +94,7 @@ impl Stream {
         let table = self.file.open_table()?;
         Ok(Chunks {
             of: self,
-            rest: Timed::new(&self.file, table.chunks(&self.layout.indices)?, self.layout.time),
+            rest: Timed::new(&self.file, self.layout.chunks(table)?),
             columns: Columns::default(),
             next: 0,
             walk: self.walk.clone(),
@@ -128,11 +129,10 @@ impl Iterator for Chunks<'_> {
 impl Chunks<'_> {
     /// The next rows of what was read, or of the gap before them.
     fn rows(&mut self) -> Recording {
-        let Layout { time, .. } = self.of.layout;
         let mut rows = Rows { step_s: self.of.head.step_s, ..Rows::default() };
         // Of each row, which it is of those read.
         let mut source = Vec::new();
-        while let Some(&recorded_s) = self.columns.values.get(time).and_then(|time_s| time_s.get(self.next))
+        while let Some(&recorded_s) = self.columns.values.get(TIME).and_then(|time_s| time_s.get(self.next))
             && source.len() < CHUNK_ROWS
         {
             let (time_s, put_in) = self.walk.next(recorded_s);

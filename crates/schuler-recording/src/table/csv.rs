@@ -128,15 +128,11 @@ impl TableReader for CsvTable {
     }
 
     fn chunks(self: Box<Self>, wanted: &[usize]) -> Result<Chunks, Error> {
-        Ok(Box::new(CsvRows {
-            table: *self,
-            wanted: wanted.to_vec(),
-            cells: Vec::new(),
-            short_row: None,
-            rows: Counted::default(),
-            numbers: Counted::default(),
-            ended: false,
-        }))
+        Ok(Box::new(CsvRows::new(*self, wanted, None)))
+    }
+
+    fn numbered_chunks(self: Box<Self>, wanted: &[usize]) -> Result<Chunks, Error> {
+        Ok(Box::new(CsvRows::new(*self, wanted, Some(Numbers::default()))))
     }
 }
 
@@ -155,10 +151,19 @@ impl Counted {
     }
 }
 
+/// Numbers of the rows of a chunk, where they are the first column.
+#[derive(Default)]
+struct Numbers {
+    /// That of the next row; those left out have one, too.
+    next: u64,
+    of_chunk: Vec<f64>,
+}
+
 /// The rows of a text table.
 struct CsvRows {
     table: CsvTable,
     wanted: Vec<usize>,
+    numbered: Option<Numbers>,
     cells: Vec<Range<usize>>,
     /// A short row, with the number of its cells. It is an error unless it is the last: a recorder that lost its power leaves one.
     short_row: Option<(Error, usize)>,
@@ -183,6 +188,19 @@ impl Iterator for CsvRows {
 }
 
 impl CsvRows {
+    fn new(table: CsvTable, wanted: &[usize], numbered: Option<Numbers>) -> Self {
+        Self {
+            table,
+            wanted: wanted.to_vec(),
+            numbered,
+            cells: Vec::new(),
+            short_row: None,
+            rows: Counted::default(),
+            numbers: Counted::default(),
+            ended: false,
+        }
+    }
+
     fn chunk(&mut self) -> Result<Columns, Error> {
         let mut columns = Columns::none(self.wanted.len());
         let begun = self.table.lines.taken();
@@ -197,6 +215,9 @@ impl CsvRows {
             if let Some((error, _)) = self.short_row.take() {
                 self.leave_out(error)?;
             }
+            if let Some(numbers) = &mut self.numbered {
+                numbers.next += 1;
+            }
             match self.split() {
                 Ok(()) => self.row(&mut columns)?,
                 Err(Departure::Short(error, cells)) => self.short_row = Some((error, cells)),
@@ -206,7 +227,10 @@ impl CsvRows {
         if self.ended {
             columns.warnings = self.warnings();
         }
-        Ok(columns)
+        Ok(match &mut self.numbered {
+            Some(numbers) => columns.with_first(std::mem::take(&mut numbers.of_chunk)),
+            None => columns,
+        })
     }
 
     /// Finds the cells of the line, as many as the header has.
@@ -237,8 +261,8 @@ impl CsvRows {
             let value = match table.dialect.number(cell) {
                 Some(value) => value,
                 None if !lenient => return Err(table.bad_cell(column, cell)),
-                // The first column is the time, without which a row has no place.
-                None if place == 0 => {
+                // The first column is the time, without which a row has no place, unless the rows are counted.
+                None if place == 0 && self.numbered.is_none() => {
                     self.rows.add(|| table.bad_cell(column, cell));
                     return Ok(());
                 }
@@ -250,6 +274,9 @@ impl CsvRows {
             columns.push(place, value);
         }
         columns.lines.push(table.lines.number());
+        if let Some(numbers) = &mut self.numbered {
+            numbers.of_chunk.push(numbers.next.saturating_sub(1) as f64);
+        }
         Ok(())
     }
 

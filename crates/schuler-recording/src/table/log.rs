@@ -181,6 +181,11 @@ impl<M: Messages + 'static> TableReader for LogTable<M> {
             ended: false,
         }))
     }
+
+    fn numbered_chunks(self: Box<Self>, _wanted: &[usize]) -> Result<Chunks, Error> {
+        let message = "found a log of messages, which are not evenly spaced; expected the name of a time column: state time";
+        Err(Error::one(self.path, Problem::of_file(message)))
+    }
 }
 
 /// The rows of a log.

@@ -64,7 +64,7 @@ use crate::file;
 use crate::leniency::Leniency;
 use kind::Kind;
 
-pub use copy::{Copied, copy};
+pub use copy::{Copied, Span, copy};
 pub use write::{Format, TableWriter, write, write_to};
 
 /// Size of the buffers between file, decompressor and parser.
@@ -115,6 +115,13 @@ impl Columns {
         self.warnings.append(&mut rows.warnings);
     }
 
+    /// The same rows with a further first column.
+    fn with_first(mut self, values: Vec<f64>) -> Self {
+        self.values.insert(0, values);
+        self.infinite.insert(0, 0);
+        self
+    }
+
     /// Number of rows.
     pub fn rows(&self) -> usize {
         self.lines.len()
@@ -157,6 +164,21 @@ pub trait TableReader {
     /// Columns that cannot be read. In the chunks: a cell that is neither a number nor missing, a row of another
     /// length, a file that cannot be read.
     fn chunks(self: Box<Self>, wanted: &[usize]) -> Result<Chunks, Error>;
+
+    /// The rows of [`chunks`](Self::chunks) with the number of each, from 0, as a further first column. A row that is left out has its
+    /// number all the same: where there is no column of time, that says when the rows behind it are.
+    ///
+    /// # Errors
+    /// As [`chunks`](Self::chunks); of logs, whose messages have times and are no even rows.
+    fn numbered_chunks(self: Box<Self>, wanted: &[usize]) -> Result<Chunks, Error> {
+        let mut next = 0;
+        Ok(Box::new(self.chunks(wanted)?.map(move |chunk| {
+            let chunk = chunk?;
+            let first = next;
+            next += chunk.rows();
+            Ok(chunk.with_first((first..next).map(|row| row as f64).collect()))
+        })))
+    }
 
     /// All rows of the columns with the given indices, as of [`chunks`](Self::chunks).
     ///

@@ -9,7 +9,7 @@ mod interpolate;
 
 use std::path::{Path, PathBuf};
 
-use super::layout::{Layout, Rows};
+use super::layout::{Layout, Rows, TIME};
 use super::stamps::Timed;
 use super::{MotionSeries, Recording};
 use crate::case::{CaseFile, Clock, Covers, Motion, MotionKind, Nominal, Simulation, Source};
@@ -51,14 +51,15 @@ impl Simulated {
             (0..file.case.sensors.len()).filter(|&it| file.case.sensors[it].predicted.is_some()).collect();
         let own = as_recording(file, &source, &sensors, &*table);
         let layout = Layout::new(&own, &*table, |_| false).map_err(|error| in_case(file, &sensors, error))?;
-        let mut columns = Columns::none(layout.indices.len());
-        for chunk in Timed::new(&own, table.chunks(&layout.indices)?, layout.time) {
+        let mut columns = Columns::none(layout.width());
+        for chunk in Timed::new(&own, layout.chunks(table)?) {
             columns.append(chunk?);
         }
-        let time_s = columns.values.get(layout.time).cloned().unwrap_or_default();
+        let time_s = columns.values.get(TIME).cloned().unwrap_or_default();
         goes_on(&time_s, &columns.lines)
-            .map_err(|(line, message)| Error::one(&path, Problem::new(line, &*source.time, message)))?;
+            .map_err(|(line, message)| Error::one(&path, Problem::new(line, source.time_name(), message)))?;
         let mut warnings: Vec<String> = columns.warnings.drain(..).collect();
+        warnings.extend(source.assumption().map(|said| format!("{} {said}", path.display())));
         warnings.extend(layout.infinite_warnings(&own, &columns.infinite));
         for warning in &mut warnings {
             *warning = warning.replace("recording.time_unit", "simulation.time_unit");
@@ -101,7 +102,7 @@ impl Simulated {
                 recording.warnings.push(format!(
                     "{}: {}: {shift}, by the likeness of both",
                     self.path.display(),
-                    self.source.time
+                    self.source.time_name()
                 ));
                 recording.time_s.iter().map(|&time_s| shift.apply(time_s)).collect()
             }
@@ -172,7 +173,7 @@ impl Simulated {
             recording.warnings.push(format!(
                 "{}{place}: {}: {what}: {left_out} of {} rows have no prediction",
                 self.path.display(),
-                self.source.time,
+                self.source.time_name(),
                 at_s.len()
             ));
             return Ok(());
@@ -181,7 +182,7 @@ impl Simulated {
             "{what}; expected a simulation of the whole recording: state simulation.covers = \"part\" to leave the \
              rest out, or simulation.clock = \"unknown\" if its clock is another"
         );
-        Err(Error::one(&self.path, Problem::new(line, &*self.source.time, message)))
+        Err(Error::one(&self.path, Problem::new(line, self.source.time_name(), message)))
     }
 }
 
@@ -193,6 +194,7 @@ fn as_recording(file: &CaseFile, source: &Source, sensors: &[usize], table: &dyn
     own.case.simulation = None;
     own.case.calibration = None;
     own.case.auxiliaries = Vec::new();
+    own.case.effects = Vec::new();
     own.case.sensors = (sensors.iter())
         .map(|&place| {
             let mut sensor = file.case.sensors[place].clone();
