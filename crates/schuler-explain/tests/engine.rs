@@ -7,8 +7,8 @@ use rand_distr::{Distribution, StandardNormal, StandardUniform};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use schuler_explain::catalogue::{
-    Amplitude, CATALOGUE, Candidate, Column, Effect, InFlight, NoiseChange, Nonlinear, OnsetShape, Port,
-    ReadingFault, Search, Signature, Target,
+    Amplitude, CATALOGUE, Candidate, Column, Effect, Form, InFlight, NoiseChange, Nonlinear, OnsetShape,
+    Port, ReadingFault, Search, Signature, Target,
 };
 use schuler_explain::config::Config;
 use schuler_explain::explain::{Error, explain, explain_with};
@@ -35,6 +35,7 @@ macro_rules! effect {
             separated_by: "another record",
             source: "",
             in_flight: InFlight::Never("it is not"),
+            form: Form::Values,
             acts_on: |_| true,
             candidates: |_, _| Vec::new(),
         };

@@ -28,6 +28,7 @@ mod completions;
 mod convert;
 mod demo;
 mod explain;
+mod export;
 mod figures;
 mod fly;
 mod freeze;

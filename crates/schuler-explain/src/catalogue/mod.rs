@@ -16,12 +16,13 @@
 //! | `setup` | what is simply wrong in a case, and the noise of its reference |
 //! | `unnamed` | what is in no catalogue, as a rival of all that is |
 //!
-//! `in_flight` says what the flight module can do about an effect.
+//! `in_flight` says what the flight module can do about an effect, `form` how it is computed outside.
 mod additive;
 mod draft;
 mod effect;
 mod environment;
 mod failures;
+mod form;
 mod g_sensitivity;
 mod general;
 mod gravity;
@@ -35,11 +36,15 @@ mod thermal;
 mod tide;
 mod unnamed;
 
+pub(crate) use additive::schuler_rate;
 pub use effect::{
     AT_MEAN, AT_START, Amplitude, Candidate, Column, Effect, NoiseChange, Nonlinear, OnsetShape, Port,
     ReadingFault, Search, Signature, SignatureOf, Target, share_equal_series,
 };
+pub(crate) use environment::EQUATORIAL_FIELD;
+pub use form::Form;
 pub use in_flight::{GyroAxis, HAS_NO_TERM, InFlight, Part};
+pub(crate) use instrument::{rate_over_earth, straight_on};
 
 use crate::nominal::Model;
 
