@@ -64,7 +64,7 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
     output::protect(&arguments.simulation);
     output::protect(&arguments.recording);
     let case = case_of(arguments.case.as_deref(), &arguments.recording)?;
-    arguments.shown.check()?;
+    arguments.shown.check(session.leniency())?;
     let waiting = session.waiting("reading");
     let sim = look_at(&arguments.simulation, arguments.sim_time.as_deref())?;
     waiting.check()?;

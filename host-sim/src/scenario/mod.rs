@@ -40,7 +40,9 @@
 //! | `[[doppler]]` | `id`, `group`, `axis`, `arm_m`, `delay_s`, `misalignment_deg`, `scale_factor_ppm`, `range`, `quantisation`, `.noise`, `.nominal` |
 //! | `[loop]` | `id`, `radius_m`, `gravity`, `velocity_error`, `tilt_rad`, `velocity_white`, `delay_s`, `channel` = north, east; `accelerometer`, `gyro` = id of an instrument, or `accelerometer_error`, `gyro_error` = a `.noise` in SI units; `nominal = { accelerometer, gyro, velocity_white }` |
 //! | `[[loop.outage]]`, `[[gap]]` | `start_s`, `duration_s` |
+//! | `[[disturbance]]` | `sensor`, `effect` and the keys of that effect, or `amplitude` and `signal` of an exported model: see `disturbance` |
 //! | `[[fault]]` | `sensor`, `kind` = step, ramp, stuck, noise, dropout, gain; `size`, `onset_s`, `end_s` |
+mod disturbance;
 mod fields;
 pub(crate) mod instruments;
 mod setting;
@@ -52,6 +54,7 @@ use schuler_recording::document::{Node, Parsed, parse_with};
 use schuler_recording::unit::Unit;
 use schuler_recording::{Error, Leniency, file};
 
+use crate::fitted::FittedDesign;
 use crate::physics::doppler::DopplerDesign;
 use crate::physics::environment::{EnvironmentDesign, Profile};
 use crate::physics::fault::{Fault, TimedFault};
@@ -106,6 +109,8 @@ pub struct Scenario {
     pub faults: Vec<FaultEntry>,
     /// Disturbances.
     pub parasites: Vec<ParasiteEntry>,
+    /// Terms that were fitted to a recording.
+    pub fitted: Vec<FittedEntry>,
     /// Outputs that are older or slower than their time says.
     pub clocks: Vec<ClockEntry>,
     /// Fibre-optic gyros whose processor tells the turn over each step as a rotation vector, divided by the step, instead of the mean
@@ -263,6 +268,15 @@ pub struct ParasiteEntry {
     pub disturbance: Disturbance,
 }
 
+/// A fitted term and the output that it reaches.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FittedEntry {
+    /// Id of the output.
+    pub sensor: String,
+    /// The term, in SI units.
+    pub design: FittedDesign,
+}
+
 /// Outputs whose instruments feel the motion late.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClockEntry {
@@ -418,6 +432,7 @@ fn read(node: &Node<'_>) -> Option<Scenario> {
     let schuler_loop = fields.section("loop", setting::schuler_loop);
     let gaps = node.tables("gap", setting::interval);
     let faults = node.tables("fault", raw_fault);
+    let blocks = node.tables("disturbance", disturbance::block);
     let (told, mut recorded) = fields.section("case", setting::case).unwrap_or_default();
     recorded.thermometers = thermometers?;
     format?;
@@ -427,6 +442,7 @@ fn read(node: &Node<'_>) -> Option<Scenario> {
         gyros.extend(block?);
     }
     let (accelerometers, dopplers, gaps, faults) = (accelerometers?, dopplers?, gaps?, faults?);
+    let blocks = blocks?;
 
     let told = told.unwrap_or(match (&schuler_loop, &motion) {
         (Some(_), _) => Told::VelocityError,
@@ -471,7 +487,16 @@ fn read(node: &Node<'_>) -> Option<Scenario> {
             }
         }
     }
-    Some(Scenario {
+    let mut reached: Vec<String> = outputs.iter().map(|(id, _)| id.clone()).collect();
+    let of_loop = schuler_loop
+        .iter()
+        .flat_map(|entry| [("accelerometer", &entry.accelerometer), ("gyro", &entry.gyro)]);
+    reached.extend(
+        of_loop
+            .filter(|(_, source)| matches!(source, ErrorSource::Process { .. }))
+            .map(|(name, _)| name.to_owned()),
+    );
+    let mut scenario = Scenario {
         title,
         seed,
         duration_s,
@@ -490,10 +515,13 @@ fn read(node: &Node<'_>) -> Option<Scenario> {
         schuler_loop,
         faults: resolved,
         parasites: Vec::new(),
+        fitted: Vec::new(),
         clocks: Vec::new(),
         rotation_vectors: Vec::new(),
         gaps,
-    })
+    };
+    disturbance::place(&mut scenario, blocks, &reached, node)?;
+    Some(scenario)
 }
 
 /// Ids of all outputs, with the SI value of one of their unit.

@@ -5,9 +5,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::catalogue::straight_on;
-use crate::inputs::series::{
-    delayed, delayed_closely, lagged, lagged_smooth, map, play_branch, product, waves,
-};
+use crate::inputs::series::{delayed, delayed_closely, lagged, lagged_smooth, map, play_branch, product};
 
 /// A signal.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -165,6 +163,15 @@ impl Signal {
         factors.flat_map(|factor| &factor.of).map(|weighted| weighted.input.as_str())
     }
 
+    /// The sum in one row without its memory; none where an input is not there.
+    pub fn sum_at(&self, input: &dyn Fn(&str) -> Option<f64>) -> Option<f64> {
+        let product = |it: &Product| {
+            let factors: Option<f64> = it.factors.iter().map(|factor| factor.at(input)).product();
+            Some(it.coefficient * factors?)
+        };
+        self.sum.iter().map(product).sum()
+    }
+
     /// Its values over the rows at `time_s`, by the values of its inputs; none where an input is not there.
     pub fn values<'v>(&self, time_s: &[f64], input: &dyn Fn(&str) -> Option<&'v [f64]>) -> Option<Vec<f64>> {
         let mut sum = vec![0.0; time_s.len()];
@@ -195,26 +202,34 @@ impl Factor {
         for Weighted { input: name, weight } in &self.of {
             argument.iter_mut().zip(input(name)?).for_each(|(sum, value)| *sum += weight * value);
         }
-        Some(match self.function {
-            Function::Power { exponent } => map(&argument, |x| x.powi(i32::from(exponent))),
-            Function::Magnitude => map(&argument, f64::abs),
-            Function::Sign => map(&argument, |x| if x == 0.0 { 0.0 } else { x.signum() }),
-            Function::Step => map(&argument, |x| f64::from(u8::from(x >= 0.0))),
-            Function::Ramp => map(&argument, |x| x.max(0.0)),
-            Function::Decay { tau_s } => map(&argument, |x| (-x / tau_s).exp()),
-            Function::Cosine { frequency_hz } => wave(&argument, frequency_hz, 0),
-            Function::Sine { frequency_hz } => wave(&argument, frequency_hz, 1),
-            Function::DeadZone { threshold } => {
-                map(&argument, |x| if x.abs() < threshold { -x } else { 0.0 })
-            }
-            Function::Clipped { limit } => map(&argument, |x| x.max(-limit).min(limit) - x),
-        })
+        Some(map(&argument, |x| self.function.of(x)))
+    }
+
+    fn at(&self, input: &dyn Fn(&str) -> Option<f64>) -> Option<f64> {
+        let weighted = self.of.iter().map(|it| Some(it.weight * input(&it.input)?));
+        Some(self.function.of(weighted.sum::<Option<f64>>()? - self.reference))
     }
 }
 
-fn wave(time_s: &[f64], frequency_hz: f64, place: usize) -> Vec<f64> {
-    let mut waves = waves(time_s, std::f64::consts::TAU * frequency_hz);
-    std::mem::take(&mut waves[place])
+impl Function {
+    /// Its value.
+    pub fn of(self, x: f64) -> f64 {
+        let turn = |frequency_hz: f64| std::f64::consts::TAU * frequency_hz * x;
+        match self {
+            Self::Power { exponent } => x.powi(i32::from(exponent)),
+            Self::Magnitude => x.abs(),
+            Self::Sign if x == 0.0 => 0.0,
+            Self::Sign => x.signum(),
+            Self::Step => f64::from(u8::from(x >= 0.0)),
+            Self::Ramp => x.max(0.0),
+            Self::Decay { tau_s } => (-x / tau_s).exp(),
+            Self::Cosine { frequency_hz } => turn(frequency_hz).cos(),
+            Self::Sine { frequency_hz } => turn(frequency_hz).sin(),
+            Self::DeadZone { threshold } if x.abs() < threshold => -x,
+            Self::DeadZone { .. } => 0.0,
+            Self::Clipped { limit } => x.max(-limit).min(limit) - x,
+        }
+    }
 }
 
 impl Memory {
