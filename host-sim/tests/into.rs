@@ -1,4 +1,5 @@
 //! What is found goes back into a scenario: a fresh simulation shows it, and mistakes in a block are named.
+use std::f64::consts::TAU;
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -42,12 +43,35 @@ relative = true
   white = 5.0
 "#;
 
-/// What is true: the rotor follows the housing late and is pulled as it is warm, the supply reaches the accelerometer, whose output jumps.
+/// What is true of the accelerometer: the supply reaches its electronics, and its output jumps.
 fn truth() -> String {
-    NOMINAL
-        .replace("  [gyro.noise]", "  [gyro.rotor]\n  lag_s = 500.0\n  [gyro.torque]\n  reaction_Nm_per_K = [0.0, 5e-9]\n  [gyro.noise]")
-        .replace("  [accelerometer.noise]", "  [accelerometer.electronics]\n  offset_per_V = 20.0\n  [accelerometer.noise]")
+    let reached = "  [accelerometer.electronics]\n  offset_per_V = 20.0\n  [accelerometer.noise]";
+    NOMINAL.replace("  [accelerometer.noise]", reached)
         + "[[fault]]\nsensor = \"ax\"\nkind = \"step\"\nsize = 8.0\nonset_s = 7000.0\n"
+}
+
+/// What is true of the gyro: it drifts by 0.001 °/h per K/h of the ambient temperature 25 + 8 sin(2πt/5000 s).
+fn with_rate_of_temperature(folder: &str) {
+    let at = |name: &str| Path::new(folder).join(name);
+    let (packed, plain) = (at("recording.csv.gz"), at("recording.csv"));
+    succeeds(&["convert", packed.to_str().unwrap(), plain.to_str().unwrap()]);
+    let text = std::fs::read_to_string(&plain).unwrap();
+    let mut lines = text.lines();
+    let header = lines.next().unwrap();
+    let place = |name: &str| header.split(',').position(|it| it == name).unwrap();
+    let (t, gyro) = (place("t"), place("gyro_x"));
+    let mut table = header.to_owned();
+    for line in lines {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        let time: f64 = cells[t].parse().unwrap();
+        let rate = 8.0 * TAU / 5000.0 * 3600.0 * (TAU * time / 5000.0).cos();
+        cells[gyro] = format!("{:?}", cells[gyro].parse::<f64>().unwrap() + 0.001 * rate);
+        table.push('\n');
+        table.push_str(&cells.join(","));
+    }
+    std::fs::write(&plain, table + "\n").unwrap();
+    let case = std::fs::read_to_string(at("case.toml")).unwrap();
+    std::fs::write(at("case.toml"), case.replace("recording.csv.gz", "recording.csv")).unwrap();
 }
 
 fn schuler(arguments: &[&str]) -> Output {
@@ -87,6 +111,7 @@ fn a_fresh_simulation_with_what_was_found_shows_it() {
     std::fs::write(at("truth.toml"), truth()).unwrap();
     std::fs::write(at("nominal.toml"), NOMINAL).unwrap();
     succeeds(&["simulate", &at("truth.toml"), "--out", &at("true")]);
+    with_rate_of_temperature(&at("true"));
     let answer = succeeds(&[
         "explain",
         &at("true/case.toml"),
@@ -102,12 +127,12 @@ fn a_fresh_simulation_with_what_was_found_shows_it() {
     assert!(!answer.contains("not_in_the_scenario"), "{answer}");
     // One that a part makes, and one by its fitted term.
     assert!(scenario.contains("effect = \"bias_step\"\ncoefficient"), "{scenario}");
-    assert!(scenario.contains("effect = \"bias_thermal_lag\"\namplitude"), "{scenario}");
+    assert!(scenario.contains("effect = \"bias_temperature_rate\"\namplitude"), "{scenario}");
     succeeds(&["simulate", &at("put/scenario.toml"), "--seed", "77", "--out", &at("again")]);
     let again = found(&succeeds(&["explain", &at("again/case.toml"), "--json"]));
     let first = found(&answer);
     let names = |all: &Found| all.iter().map(|it| format!("{} {}", it.0, it.1)).collect::<Vec<_>>();
-    assert_eq!(names(&first), ["ax bias_step", "ax bias_supply_voltage", "gyro_x bias_thermal_lag"]);
+    assert_eq!(names(&first), ["ax bias_step", "ax bias_supply_voltage", "gyro_x bias_temperature_rate"]);
     assert_eq!(names(&again), names(&first));
     for ((sensor, effect, first), (_, _, again)) in first.iter().zip(&again) {
         for (name, value, sigma) in first.iter().filter(|(name, ..)| name != "at_mean") {
@@ -142,7 +167,7 @@ fn mistakes_in_a_block_are_named() {
     assert!(sensor.contains("disturbance[0].sensor: found \"ay\"; expected one of gyro_x, ax"), "{sensor}");
     let missing = said("sensor = \"ax\"\neffect = \"g2_cross\"\n");
     assert!(missing.contains("disturbance[0].signal: missing"), "{missing}");
-    let signal = "{\"sum\":[{\"coefficient\":1.0,\"factors\":[{\"of\":[{\"input\":\"rate_q\",\"weight\":1.0}],\"reference\":0.0,\"function\":{\"kind\":\"magnitude\"}}]}]}";
+    let signal = "{\"sum\":[{\"coefficient\":1.0,\"factors\":[{\"of\":[{\"input\":\"rate_q\",\"weight\":1.0}],\"reference\":0.0,\"function\":\"magnitude\"}]}]}";
     let input =
         said(&format!("sensor = \"ax\"\neffect = \"g2_cross\"\namplitude = 1.0\nsignal = '{signal}'\n"));
     assert!(

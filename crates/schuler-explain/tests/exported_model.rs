@@ -14,6 +14,7 @@ use schuler_explain::explain::explain_watched;
 use schuler_explain::explanation::Explanation;
 use schuler_explain::export::model::given::Given;
 use schuler_explain::export::model::resolve::Resolver;
+use schuler_explain::export::model::signal::Memory;
 use schuler_explain::export::model::{FORMAT, Model, Output, TIME, Term, c, python, rust};
 use schuler_explain::inputs::Inputs;
 use schuler_explain::watch::Unwatched;
@@ -292,8 +293,20 @@ fn in_python(python: &Path, folder: &Path, model: &Model) -> Vec<Vec<f64>> {
         let _ = write!(inputs, "\n{}", values.join(","));
     }
     std::fs::write(folder.join("inputs.csv"), inputs + "\n").unwrap();
-    let said = succeeds(Command::new(python).arg("model.py").arg("inputs.csv").current_dir(folder));
-    let text = String::from_utf8(said).unwrap();
+    columns_of(&succeeds(Command::new(python).arg("model.py").arg("inputs.csv").current_dir(folder)), model)
+}
+
+/// What another program reads out of the model as data, beside the inputs that [`in_python`] has written.
+fn as_data(python: &Path, folder: &Path, model: &Model) -> Vec<Vec<f64>> {
+    std::fs::write(folder.join("model.json"), serde_json::to_vec(model).unwrap()).unwrap();
+    let reader = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/read_model.py");
+    let mut read = Command::new(python);
+    columns_of(&succeeds(read.arg(reader).args(["model.json", "inputs.csv"]).current_dir(folder)), model)
+}
+
+/// The columns of a table that was printed, but for the time.
+fn columns_of(said: &[u8], model: &Model) -> Vec<Vec<f64>> {
+    let text = String::from_utf8_lossy(said);
     let mut columns = vec![Vec::new(); model.outputs.len()];
     for line in text.lines().skip(1) {
         let values = line.split(',').skip(1).map(|value| value.parse::<f64>().unwrap());
@@ -399,6 +412,16 @@ fn every_effect_adds_in_every_language_what_its_signature_says() {
     agrees("signals", &model, &own, &expected, 1e-9);
     if let Some(python) = python_with_numpy(NAME) {
         agrees("Python", &model, &in_python(&python, folder.path(), &model), &expected, 1e-6);
+        let is_read = |term: &Term| {
+            !matches!(term.signal.memory, Some(Memory::Delay { .. } | Memory::Bandwidth { .. }))
+        };
+        let mut read = as_data(&python, folder.path(), &model);
+        let left_out = model.terms.iter().map(|term| !is_read(term));
+        for ((read, expected), _) in read.iter_mut().zip(&expected).zip(left_out).filter(|it| it.1) {
+            assert!(read.iter().all(|value| *value == 0.0));
+            read.clone_from(expected);
+        }
+        agrees("JSON", &model, &read, &expected, 1e-6);
     }
     if has("gcc", NAME) {
         agrees("C", &model, &in_c(folder.path(), &model), &expected, 1e-6);

@@ -52,7 +52,7 @@ pub struct Weighted {
 
 /// A function of one number.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Function {
     /// xⁿ.
     Power {
@@ -96,7 +96,7 @@ pub enum Function {
 
 /// What a signal goes through.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Memory {
     /// A first-order lag that starts at rest on the first value; exact for a straight line from row to row.
     Lag {
