@@ -160,7 +160,9 @@ fn recording(folder: &Path, case: &str, table: &str) -> Recording {
 /// A table of columns over rows.
 fn table(columns: &[ColumnOf], rows: usize, step_s: f64, added: impl Fn(&str, usize, f64) -> f64) -> String {
     let mut text = String::from("t");
-    columns.iter().for_each(|(name, _)| text.push_str(&format!(",{name}")));
+    for (name, _) in columns {
+        let _ = write!(text, ",{name}");
+    }
     for row in 0..rows {
         let t = row as f64 * step_s;
         let _ = write!(text, "\n{t:.3}");

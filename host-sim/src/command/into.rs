@@ -83,7 +83,7 @@ pub(super) fn write(
         match taken {
             Some(with) => text = with,
             None => {
-                left_out.push(format!("{} of {} cannot be simulated: {refused}", term.effect, term.output))
+                left_out.push(format!("{} of {} cannot be simulated: {refused}", term.effect, term.output));
             }
         }
     }
@@ -111,7 +111,6 @@ fn own(term: &Term, cosine: Option<&Term>) -> Option<Vec<(&'static str, f64)>> {
     let coefficient = ("coefficient", term.amplitude);
     let memory = term.signal.memory;
     match (term.effect.as_str(), memory, factors(&term.signal)?) {
-        (_, None, []) => Some(vec![coefficient]),
         ("bias_step" | "bias_drift_linear", None, [factor]) => {
             Some(vec![coefficient, ("onset_s", factor.reference)])
         }
@@ -122,7 +121,7 @@ fn own(term: &Term, cosine: Option<&Term>) -> Option<Vec<(&'static str, f64)>> {
         ("periodic_line", None, [Factor { function: Function::Sine { frequency_hz }, .. }]) => {
             Some(vec![("a", cosine?.amplitude), ("b", term.amplitude), ("frequency_hz", *frequency_hz)])
         }
-        ("scale_factor", None, [_]) => Some(vec![coefficient]),
+        (_, None, []) | ("scale_factor", None, [_]) => Some(vec![coefficient]),
         ("time_delay", Some(Memory::Delay { delay_s, .. }), [_]) => Some(vec![("delay_s", delay_s)]),
         ("bandwidth_lag", Some(Memory::Bandwidth { tau_s }), [_]) => Some(vec![("tau_s", tau_s)]),
         _ => None,

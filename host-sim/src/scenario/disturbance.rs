@@ -152,7 +152,7 @@ fn own(node: &Node<'_>, effect: &str) -> Option<Made> {
         "bandwidth_lag" => Some(Made::Late { delay_s: 0.0, lag_s: not_negative(node, "tau_s")? }),
         _ => {
             let expected = "a signal of schuler-model/1 as JSON, because no part of an instrument makes this effect here";
-            node.required("signal", expected).and_then(|_| None)
+            node.required("signal", expected).and(None)
         }
     }
 }
@@ -166,13 +166,9 @@ fn not_negative(node: &Node<'_>, key: &'static str) -> Option<f64> {
     node.required(key, expected).and_then(|field| field.number_where(expected, |n| n >= 0.0))
 }
 
-/// Puts blocks into a scenario whose outputs have the ids `known`.
-pub(super) fn place(
-    scenario: &mut Scenario,
-    blocks: Vec<Block>,
-    known: &[String],
-    node: &Node<'_>,
-) -> Option<()> {
+/// Puts blocks into a scenario.
+pub(super) fn place(scenario: &mut Scenario, blocks: Vec<Block>, node: &Node<'_>) -> Option<()> {
+    let known = reached(scenario);
     for (index, Block { sensor, effect, made }) in blocks.into_iter().enumerate() {
         if !known.contains(&sensor) {
             let found = format!("found \"{sensor}\"; expected one of {}", known.join(", "));
@@ -193,6 +189,14 @@ pub(super) fn place(
         }
     }
     Some(())
+}
+
+/// Ids of the outputs, and the errors that drive a loop.
+fn reached(scenario: &Scenario) -> Vec<String> {
+    let schuler_loop = scenario.schuler_loop.as_ref();
+    let outputs = super::outputs(&scenario.gyros, &scenario.accelerometers, &scenario.dopplers, schuler_loop);
+    let of_loop = ["accelerometer", "gyro"].into_iter().filter(|name| scenario.drives_loop(name));
+    outputs.into_iter().map(|(id, _)| id).chain(of_loop.map(str::to_owned)).collect()
 }
 
 impl Scenario {

@@ -469,14 +469,7 @@ fn read(node: &Node<'_>) -> Option<Scenario> {
             .problem_at("case.motion", "found \"static\"; expected recorded or unknown, as the body moves");
     }
     let known = |id: &str| outputs.iter().find(|(other, _)| other == id);
-    let mut resolved = Vec::new();
-    for (index, fault) in faults.into_iter().enumerate() {
-        let Some((_, factor)) = known(&fault.sensor) else {
-            let found = format!("found \"{}\"; expected the id of an output", fault.sensor);
-            return node.problem_at(&format!("fault[{index}].sensor"), &found);
-        };
-        resolved.push(FaultEntry { sensor: fault.sensor, fault: in_si(fault.timed, *factor) });
-    }
+    let faults = resolved(faults, &outputs, node)?;
     if let Some(entry) = &schuler_loop {
         for (key, source) in [("accelerometer", &entry.accelerometer), ("gyro", &entry.gyro)] {
             if let ErrorSource::Instrument(id) = source
@@ -487,15 +480,6 @@ fn read(node: &Node<'_>) -> Option<Scenario> {
             }
         }
     }
-    let mut reached: Vec<String> = outputs.iter().map(|(id, _)| id.clone()).collect();
-    let of_loop = schuler_loop
-        .iter()
-        .flat_map(|entry| [("accelerometer", &entry.accelerometer), ("gyro", &entry.gyro)]);
-    reached.extend(
-        of_loop
-            .filter(|(_, source)| matches!(source, ErrorSource::Process { .. }))
-            .map(|(name, _)| name.to_owned()),
-    );
     let mut scenario = Scenario {
         title,
         seed,
@@ -513,15 +497,27 @@ fn read(node: &Node<'_>) -> Option<Scenario> {
         accelerometers,
         dopplers,
         schuler_loop,
-        faults: resolved,
+        faults,
         parasites: Vec::new(),
         fitted: Vec::new(),
         clocks: Vec::new(),
         rotation_vectors: Vec::new(),
         gaps,
     };
-    disturbance::place(&mut scenario, blocks, &reached, node)?;
+    disturbance::place(&mut scenario, blocks, node)?;
     Some(scenario)
+}
+
+/// Faults in SI units, each of a known output.
+fn resolved(faults: Vec<RawFault>, outputs: &[(String, f64)], node: &Node<'_>) -> Option<Vec<FaultEntry>> {
+    let resolved = |(index, fault): (usize, RawFault)| {
+        let Some((_, factor)) = outputs.iter().find(|(id, _)| *id == fault.sensor) else {
+            let found = format!("found \"{}\"; expected the id of an output", fault.sensor);
+            return node.problem_at(&format!("fault[{index}].sensor"), &found);
+        };
+        Some(FaultEntry { sensor: fault.sensor, fault: in_si(fault.timed, *factor) })
+    };
+    faults.into_iter().enumerate().map(resolved).collect()
 }
 
 /// Ids of all outputs, with the SI value of one of their unit.
