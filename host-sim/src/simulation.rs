@@ -12,6 +12,7 @@ use schuler_recording::case::{
 };
 use schuler_recording::unit::Unit;
 
+use crate::fitted::{self, Fitted};
 use crate::output::{self, Interrupted};
 use crate::physics::doppler::Doppler;
 use crate::physics::environment::Environment;
@@ -210,6 +211,9 @@ struct Plant<'s> {
     thermometers: Vec<Thermometer>,
     channel: Option<LoopPlant>,
     parasites: Vec<Parasite>,
+    fitted: Vec<Fitted>,
+    /// Temperatures of the thermometers a step ago, for fitted terms.
+    warm_before: Vec<f64>,
     clocks: Vec<Clock>,
     before: Kinematics,
 }
@@ -408,6 +412,8 @@ impl<'s> Plant<'s> {
             thermometers,
             channel,
             parasites,
+            fitted: scenario.fitted.iter().map(|entry| Fitted::new(entry.design.clone())).collect(),
+            warm_before: Vec::new(),
             clocks,
             before,
         }
@@ -424,7 +430,10 @@ impl<'s> Plant<'s> {
         let quantities: Vec<(String, f64)> = (self.scenario.recorded.quantities.iter())
             .map(|entry| (entry.column.clone(), entry.profile.at(time_s)))
             .collect();
-        let parasitic = self.disturb(time_s, &motion, &quantities);
+        let mut parasitic = self.disturb(time_s, &motion, &quantities);
+        let fitted = self.fitted(time_s, &motion, &quantities);
+        // The sources of a loop's errors have no output of their own.
+        parasitic.extend(fitted.iter().filter(|(id, _)| self.scenario.drives_loop(id)).cloned());
         recording.put(|| "t".to_owned(), time_s);
         truth.put(|| "t".to_owned(), time_s);
         truth.put3(["wx", "wy", "wz"], &StepMotion::mean(&motion.rate));
@@ -437,11 +446,11 @@ impl<'s> Plant<'s> {
         truth.put3(["latitude", "longitude", "height"], &place);
 
         let mut outputs = Vec::new();
-        self.read_gyros(time_s, &seen, &parasitic, &mut outputs, recording, truth);
-        self.read_fogs(time_s, &seen, &parasitic, &mut outputs, recording, truth);
-        self.read_accelerometers(time_s, &seen, &parasitic, &mut outputs, recording, truth);
-        self.read_dopplers(time_s, &motion, &parasitic, recording, truth);
-        self.read_loop(time_s, &motion, &parasitic, &outputs, recording, truth);
+        self.read_gyros(time_s, &seen, [&parasitic, &fitted], &mut outputs, recording, truth);
+        self.read_fogs(time_s, &seen, [&parasitic, &fitted], &mut outputs, recording, truth);
+        self.read_accelerometers(time_s, &seen, [&parasitic, &fitted], &mut outputs, recording, truth);
+        self.read_dopplers(time_s, &motion, [&parasitic, &fitted], recording, truth);
+        self.read_loop(time_s, &motion, [&parasitic, &fitted], &outputs, recording, truth);
         self.read_surroundings(&motion, &quantities, recording, truth);
         let told = self.believed.as_mut().map(|it| it.step(time_s, step_s, self.scenario.parts));
         let told = told.as_ref().unwrap_or(&motion);
@@ -490,7 +499,7 @@ impl<'s> Plant<'s> {
         &mut self,
         time_s: f64,
         seen: &Seen<'_>,
-        parasitic: &[(String, f64)],
+        [parasitic, fitted]: [&[(String, f64)]; 2],
         outputs: &mut Vec<Output>,
         recording: &mut Rows,
         truth: &mut Rows,
@@ -506,7 +515,7 @@ impl<'s> Plant<'s> {
             let ids = [Some(&entry.ids.0), entry.ids.1.as_ref()];
             for (axis, (id, faults)) in ids.into_iter().zip([first, second]).enumerate() {
                 let Some(id) = id else { continue };
-                let (said, input) = (reading.rate[axis], reading.true_rate[axis]);
+                let (said, input) = (reading.rate[axis] + of(fitted, id), reading.true_rate[axis]);
                 let told = faults.apply(time_s, said);
                 if entry.recorded {
                     recording.put(|| id.clone(), told.unwrap_or(f64::NAN) / si);
@@ -530,7 +539,7 @@ impl<'s> Plant<'s> {
         &mut self,
         time_s: f64,
         seen: &Seen<'_>,
-        parasitic: &[(String, f64)],
+        [parasitic, fitted]: [&[(String, f64)]; 2],
         outputs: &mut Vec<Output>,
         recording: &mut Rows,
         truth: &mut Rows,
@@ -541,11 +550,12 @@ impl<'s> Plant<'s> {
             let mut around = self.environment.around(entry.position_m, &motion.end.attitude);
             around.parasitic = of(parasitic, &entry.id);
             let reading = fog.step(&motion.rate, &around, step_s);
-            let told = faults.apply(time_s, reading.rate);
             let (id, input) = (&entry.id, reading.true_rate);
+            let said = reading.rate + of(fitted, id);
+            let told = faults.apply(time_s, said);
             recording.put(|| id.clone(), told.unwrap_or(f64::NAN) / entry.unit.in_si());
             truth.put(|| format!("{id}.input"), input);
-            truth.put(|| format!("{id}.error"), reading.rate - input);
+            truth.put(|| format!("{id}.error"), said - input);
             truth.put(|| format!("{id}.fault"), f64::from(u8::from(faults.active(time_s))));
             truth.put(|| format!("{id}.temperature"), around.temperature);
             truth.put(|| format!("{id}.gradient"), around.gradient);
@@ -557,7 +567,7 @@ impl<'s> Plant<'s> {
         &mut self,
         time_s: f64,
         seen: &Seen<'_>,
-        parasitic: &[(String, f64)],
+        [parasitic, fitted]: [&[(String, f64)]; 2],
         outputs: &mut Vec<Output>,
         recording: &mut Rows,
         truth: &mut Rows,
@@ -569,13 +579,14 @@ impl<'s> Plant<'s> {
             let mut around = self.environment.around(entry.position_m, &motion.end.attitude);
             around.parasitic = of(parasitic, &entry.id);
             let reading = instrument.step(&motion.rate, &motion.force, &around, step_s);
-            let told = faults.apply(time_s, reading.specific_force);
             let (id, input) = (&entry.id, reading.true_force);
+            let said = reading.specific_force + of(fitted, id);
+            let told = faults.apply(time_s, said);
             if entry.recorded {
                 recording.put(|| id.clone(), told.unwrap_or(f64::NAN) / entry.unit.in_si());
             }
             truth.put(|| format!("{id}.input"), input);
-            truth.put(|| format!("{id}.error"), reading.specific_force - input);
+            truth.put(|| format!("{id}.error"), said - input);
             truth.put(|| format!("{id}.fault"), f64::from(u8::from(faults.active(time_s))));
             truth.put(|| format!("{id}.temperature"), around.temperature);
             truth.put(|| format!("{id}.gradient"), around.gradient);
@@ -587,7 +598,7 @@ impl<'s> Plant<'s> {
         &mut self,
         time_s: f64,
         motion: &StepMotion,
-        parasitic: &[(String, f64)],
+        [parasitic, fitted]: [&[(String, f64)]; 2],
         recording: &mut Rows,
         truth: &mut Rows,
     ) {
@@ -595,11 +606,12 @@ impl<'s> Plant<'s> {
         for ((doppler, faults), entry) in self.dopplers.iter_mut().zip(&self.scenario.dopplers) {
             around.parasitic = of(parasitic, &entry.id);
             let reading = doppler.read(time_s, &motion.end, &around, self.scenario.step_s);
-            let told = faults.apply(time_s, reading.velocity);
             let (id, input) = (&entry.id, reading.true_velocity);
+            let said = reading.velocity + of(fitted, id);
+            let told = faults.apply(time_s, said);
             recording.put(|| id.clone(), told.unwrap_or(f64::NAN));
             truth.put(|| format!("{id}.input"), input);
-            truth.put(|| format!("{id}.error"), reading.velocity - input);
+            truth.put(|| format!("{id}.error"), said - input);
             truth.put(|| format!("{id}.fault"), f64::from(u8::from(faults.active(time_s))));
         }
     }
@@ -608,7 +620,7 @@ impl<'s> Plant<'s> {
         &mut self,
         time_s: f64,
         motion: &StepMotion,
-        parasitic: &[(String, f64)],
+        [parasitic, fitted]: [&[(String, f64)]; 2],
         outputs: &[Output],
         recording: &mut Rows,
         truth: &mut Rows,
@@ -624,7 +636,11 @@ impl<'s> Plant<'s> {
         let delayed = channel.reference.pass(time_s, velocity);
         let noise = entry.velocity_white * channel.noise.normal();
         let compared = if entry.absolute { velocity } else { velocity - delayed };
-        let said = channel.truth.velocity_error + compared + noise + of(parasitic, &entry.id);
+        let said = channel.truth.velocity_error
+            + compared
+            + noise
+            + of(parasitic, &entry.id)
+            + of(fitted, &entry.id);
         let told = channel.faults.apply(time_s, said);
         let out = entry.outages.iter().any(|(start, length)| time_s >= *start && time_s < start + length);
         let id = &entry.id;
@@ -656,6 +672,31 @@ impl<'s> Plant<'s> {
                 let felt = Felt { time_s, step_s: scenario.step_s, temperature, force, quantities };
                 (entry.sensor.clone(), parasite.step(&felt))
             })
+            .collect()
+    }
+
+    /// What fitted terms add to each output, by its id.
+    fn fitted(
+        &mut self,
+        time_s: f64,
+        motion: &StepMotion,
+        quantities: &[(String, f64)],
+    ) -> Vec<(String, f64)> {
+        if self.fitted.is_empty() {
+            return Vec::new();
+        }
+        let step_s = self.scenario.step_s;
+        let step = fitted::Step {
+            time_s,
+            step_s,
+            mean: [StepMotion::mean(&motion.rate), StepMotion::mean(&motion.force)],
+            ends: [&self.before, &motion.end],
+            environment: &self.environment,
+            quantities,
+        };
+        let inputs = fitted::inputs(self.scenario, &step, &mut self.warm_before);
+        (self.fitted.iter_mut().zip(&self.scenario.fitted))
+            .map(|(term, entry)| (entry.sensor.clone(), term.step(step_s, &inputs)))
             .collect()
     }
 

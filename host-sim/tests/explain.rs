@@ -187,3 +187,37 @@ fn bad_input_is_one_line_that_says_what_and_where() {
     let failed = explain(&[case.to_str().unwrap(), "--plot", "svg"]);
     assert_eq!(failed.status.code(), Some(2));
 }
+
+/// The model that is asked for is written in every form, with its inputs beside it; another ending is refused before any work.
+#[test]
+fn what_was_found_leaves_as_a_model() {
+    let directory = tempfile::tempdir().unwrap();
+    let case = recorded(directory.path(), 5000, 0.02);
+    let case = case.to_str().unwrap();
+    let files: Vec<String> = ["json", "py", "c", "rs"]
+        .iter()
+        .map(|ending| directory.path().join(format!("model.{ending}")).to_str().unwrap().to_owned())
+        .collect();
+    let arguments = files.iter().flat_map(|file| ["--export", file.as_str()]);
+    let said = explain(&std::iter::once(case).chain(arguments).collect::<Vec<_>>());
+    assert!(said.status.success(), "{}", text(&said.stderr));
+    let words = text(&said.stdout);
+    assert!(files.iter().all(|file| words.contains(file.as_str())), "{words}");
+    let model: Value = serde_json::from_str(&std::fs::read_to_string(&files[0]).unwrap()).unwrap();
+    assert_eq!(model["format"], "schuler-model/1");
+    let term = &model["terms"][0];
+    assert_eq!(
+        (term["output"].as_str(), term["effect"].as_str()),
+        (Some("gyro_x"), Some("bias_temperature_rate"))
+    );
+    // 0.02 °/h per K/h, in rad/s per K/s.
+    let expected = 0.02 * (1.0_f64 / 3600.0).to_radians() * 3600.0;
+    let amplitude = term["amplitude"].as_f64().unwrap();
+    assert!((amplitude / expected - 1.0).abs() < 0.1, "{amplitude} {expected}");
+    let inputs = std::fs::read_to_string(directory.path().join("model_inputs.csv")).unwrap();
+    assert_eq!((inputs.lines().next(), inputs.lines().count()), (Some("time_s,rate_of_temp_x"), 5001));
+
+    let refused = explain(&[case, "--export", "model.txt"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(text(&refused.stderr).contains("expected .json, .py, .c or .rs"), "{}", text(&refused.stderr));
+}

@@ -121,7 +121,9 @@ fn what_is_written_is_read_by_others_as_they_read_the_original() {
             });
             let copy = directory.join(format!("{name}-copy{}", format.ending()));
             let file = fs::File::create(&copy).expect("writable");
-            let copied = table::copy(table, &wanted, None, (file, &copy), format, |_| Ok::<(), Error>(()));
+            let copied = table::copy(table, &wanted, table::Span::default(), (file, &copy), format, |_| {
+                Ok::<(), Error>(())
+            });
             assert_eq!(copied.expect("a copy").rows, 113, "{name}");
         }
     }
@@ -167,8 +169,10 @@ fn the_log_of_a_real_flight_controller_is_read_as_pyulog_reads_it() {
         let wanted: Vec<usize> = std::iter::once(time).chain(fields).collect();
         let path = directory.join(format!("{of}.parquet"));
         let file = fs::File::create(&path).expect("writable");
-        table::copy(table, &wanted, None, (file, &path), Format::Parquet, |_| Ok::<(), Error>(()))
-            .unwrap_or_else(|error| panic!("{of}: {error}"));
+        table::copy(table, &wanted, table::Span::default(), (file, &path), Format::Parquet, |_| {
+            Ok::<(), Error>(())
+        })
+        .unwrap_or_else(|error| panic!("{of}: {error}"));
     }
     oracle("check_log.py", &[&log, &directory]);
 }

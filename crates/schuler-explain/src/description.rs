@@ -109,7 +109,8 @@ impl Delays {
         Self { of_sensor: of_sensor.copied().collect() }
     }
 
-    fn of(&self, sensor: usize) -> f64 {
+    /// That of a sensor, s.
+    pub fn of(&self, sensor: usize) -> f64 {
         self.of_sensor.iter().find(|known| known.0 == sensor).map_or(0.0, |known| known.1)
     }
 

@@ -78,7 +78,7 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
     output::protect(&arguments.simulation);
     output::protect(&arguments.recording);
     let case = case_of(arguments.case.as_deref(), &arguments.recording)?;
-    arguments.shown.check()?;
+    arguments.shown.check(session.leniency())?;
     let waiting = session.waiting("reading");
     let times = Times::stated(arguments.sim_time.as_deref(), arguments.sim_step_s);
     let sim = look_at(&arguments.simulation, times).map_err(|error| of_table(error, "sim"))?;

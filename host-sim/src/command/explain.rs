@@ -6,16 +6,17 @@ use schuler_explain::config::Config;
 use schuler_explain::diagnostics::evidence;
 use schuler_explain::explain::{self as engine, explain_watched};
 use schuler_explain::explanation::Explanation;
-use schuler_explain::export::{Deployed, Deployment, Stations, deploy};
+use schuler_explain::export::compensation::{Deployed, Deployment, Stations, deploy};
+use schuler_explain::export::model::Model;
 use schuler_link::block;
-use schuler_recording::{CaseFile, Error, Problem, Recording};
+use schuler_recording::{CaseFile, Error, Leniency, Problem, Recording};
 use serde::Serialize;
 
-use super::Failure;
 use super::fly::write_json;
 use super::init::{self, Written};
 use super::memory::{self, Need};
 use super::session::Session;
+use super::{Failure, export, into};
 use crate::flight;
 use crate::flight::sensors::Place;
 use crate::output::{self, Interrupted};
@@ -42,6 +43,12 @@ Examples:
 
   With the block by which the flight module takes the effects out:
     schuler explain run_17/case.toml --compensation run_17.block
+
+  With what was found as a model for a simulation, for Python and for C (also .json and .rs):
+    schuler explain run_17/case.toml --export model.py --export model.c
+
+  With what was found put into the scenario of schuler simulate that did not have it:
+    schuler explain run_17/case.toml --into nominal.toml --out out/run_17
 
   A table without a case, of which sensors and units are guessed (schuler init writes the case):
     schuler explain run_17/recording.csv
@@ -77,6 +84,13 @@ pub(super) struct Shown {
     /// Posterior probability from which on a finding is told.
     #[arg(long, default_value_t = Config::default().told_at)]
     probability: f64,
+    /// Write what the findings add to the readings as a model for a simulation, in the form that the ending says: json, py, c or rs;
+    /// with the inputs of the model as a table beside it (FILE_inputs.csv). May be given more than once.
+    #[arg(long, value_name = "FILE")]
+    export: Vec<PathBuf>,
+    /// Write this scenario of `schuler simulate` with blocks for what was found, as scenario.toml in the directory --out.
+    #[arg(long, value_name = "SCENARIO", requires = "out")]
+    into: Option<PathBuf>,
     /// Write the block by which the flight module compensates what was found.
     #[arg(long, value_name = "BLOCK")]
     compensation: Option<PathBuf>,
@@ -90,6 +104,10 @@ struct Answer<'r> {
     #[serde(skip_serializing_if = "Vec::is_empty")]
     compensation: Vec<Deployed>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
+    exported: Vec<String>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    not_in_the_scenario: Vec<String>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     files: Vec<PathBuf>,
     #[serde(skip_serializing_if = "Option::is_none")]
     proposal: Option<&'r Written>,
@@ -97,8 +115,11 @@ struct Answer<'r> {
 
 impl Shown {
     /// Makes sure that the files can be written now, and not after the work whose result they are to hold.
-    pub(super) fn check(&self) -> Result<(), Error> {
-        self.report.iter().chain(&self.compensation).try_for_each(|path| output::check(path))
+    pub(super) fn check(&self, leniency: Leniency) -> Result<(), Error> {
+        self.report.iter().chain(&self.compensation).try_for_each(|path| output::check(path))?;
+        export::check(&self.export)?;
+        let Some(scenario) = &self.into else { return Ok(()) };
+        into::check(scenario, into::out_of(scenario, self.out.as_ref())?, leniency)
     }
 }
 
@@ -145,8 +166,8 @@ pub(super) fn explain(
     let case = file.path.clone();
     let recording = memory::recording(file, NEED, session)?;
     session.warn(&recording.warnings);
-    shown.check()?;
-    let report = explained(&recording, &case, shown, session)?;
+    shown.check(session.leniency())?;
+    let (report, model) = explained(&recording, &case, shown, session)?;
     let mut files = figures(&report, shown)?;
     if let Some(path) = &shown.report {
         output::write(path, report.html().as_bytes())?;
@@ -159,11 +180,29 @@ pub(super) fn explain(
         compensation = deployment.findings;
         files.push(path.clone());
     }
-    let answer = Answer { explanation: &report.explanation, compensation, files, proposal };
+    files.extend(export::write(&model, &shown.export)?);
+    let mut not_in_the_scenario = Vec::new();
+    if let Some(scenario) = &shown.into {
+        let out = into::out_of(scenario, shown.out.as_ref())?;
+        let taken = into::write(&model, scenario, out, session.leniency())?;
+        files.push(taken.path);
+        not_in_the_scenario = taken.left_out;
+    }
+    let exported = if shown.export.is_empty() { Vec::new() } else { model.cautions() };
+    let answer = Answer {
+        explanation: &report.explanation,
+        compensation,
+        exported,
+        not_in_the_scenario,
+        files,
+        proposal,
+    };
     session.answer(&answer, |answer| {
         let mut text = answer.proposal.map(|written| init::words(written) + "\n").unwrap_or_default();
         text.push_str(&report.text());
         text.push_str(&words(&answer.compensation));
+        text.push_str(&export::words(&answer.exported));
+        text.push_str(&into::words(&answer.not_in_the_scenario));
         if !answer.files.is_empty() {
             text.push_str("\nWritten:\n");
         }
@@ -180,20 +219,22 @@ fn explained(
     case: &Path,
     shown: &Shown,
     session: &Session,
-) -> Result<Report, Failure> {
+) -> Result<(Report, Model), Failure> {
     let progress = session.phases();
     let config = Config { told_at: shown.probability, ..Config::default() };
-    let (explanation, arrays) =
+    let (explanation, mut arrays) =
         explain_watched(recording, &config, &progress).map_err(|error| match error {
             engine::Error::Cancelled => Failure::Stopped(Interrupted),
             error => Error::one(case, error.problem()).into(),
         })?;
-    Ok(Report {
+    let model = std::mem::take(&mut arrays.model);
+    let report = Report {
         title: recording.case.title.clone(),
         recorded: Recorded::of(recording, &case.display().to_string()),
         explanation,
         evidence: evidence(arrays),
-    })
+    };
+    Ok((report, model))
 }
 
 /// Writes the explanation and its figures into the directory that was asked for.

@@ -6,6 +6,7 @@
 //! | `fly` | a case → through the flight module |
 //! | `identify` | a case → noise of each sensor |
 //! | `explain` | a case → what its simulation leaves out |
+//! | `export`, `into` | what was found → a model, a scenario |
 //! | `compare` | a simulator's output and a recording → a case, explained |
 //! | `init` | a table → a case to go on editing |
 //! | `campaign` | many cases with concealed effects, scored |
@@ -28,11 +29,13 @@ mod completions;
 mod convert;
 mod demo;
 mod explain;
+mod export;
 mod figures;
 mod fly;
 mod freeze;
 mod identify;
 mod init;
+mod into;
 mod man;
 mod memory;
 mod session;

@@ -40,7 +40,9 @@
 //! | `[[doppler]]` | `id`, `group`, `axis`, `arm_m`, `delay_s`, `misalignment_deg`, `scale_factor_ppm`, `range`, `quantisation`, `.noise`, `.nominal` |
 //! | `[loop]` | `id`, `radius_m`, `gravity`, `velocity_error`, `tilt_rad`, `velocity_white`, `delay_s`, `channel` = north, east; `accelerometer`, `gyro` = id of an instrument, or `accelerometer_error`, `gyro_error` = a `.noise` in SI units; `nominal = { accelerometer, gyro, velocity_white }` |
 //! | `[[loop.outage]]`, `[[gap]]` | `start_s`, `duration_s` |
+//! | `[[disturbance]]` | `sensor`, `effect` and the keys of that effect, or `amplitude` and `signal` of an exported model: see `disturbance` |
 //! | `[[fault]]` | `sensor`, `kind` = step, ramp, stuck, noise, dropout, gain; `size`, `onset_s`, `end_s` |
+mod disturbance;
 mod fields;
 pub(crate) mod instruments;
 mod setting;
@@ -52,6 +54,7 @@ use schuler_recording::document::{Node, Parsed, parse_with};
 use schuler_recording::unit::Unit;
 use schuler_recording::{Error, Leniency, file};
 
+use crate::fitted::FittedDesign;
 use crate::physics::doppler::DopplerDesign;
 use crate::physics::environment::{EnvironmentDesign, Profile};
 use crate::physics::fault::{Fault, TimedFault};
@@ -106,6 +109,8 @@ pub struct Scenario {
     pub faults: Vec<FaultEntry>,
     /// Disturbances.
     pub parasites: Vec<ParasiteEntry>,
+    /// Terms that were fitted to a recording.
+    pub fitted: Vec<FittedEntry>,
     /// Outputs that are older or slower than their time says.
     pub clocks: Vec<ClockEntry>,
     /// Fibre-optic gyros whose processor tells the turn over each step as a rotation vector, divided by the step, instead of the mean
@@ -263,6 +268,15 @@ pub struct ParasiteEntry {
     pub disturbance: Disturbance,
 }
 
+/// A fitted term and the output that it reaches.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FittedEntry {
+    /// Id of the output.
+    pub sensor: String,
+    /// The term, in SI units.
+    pub design: FittedDesign,
+}
+
 /// Outputs whose instruments feel the motion late.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClockEntry {
@@ -418,6 +432,7 @@ fn read(node: &Node<'_>) -> Option<Scenario> {
     let schuler_loop = fields.section("loop", setting::schuler_loop);
     let gaps = node.tables("gap", setting::interval);
     let faults = node.tables("fault", raw_fault);
+    let blocks = node.tables("disturbance", disturbance::block);
     let (told, mut recorded) = fields.section("case", setting::case).unwrap_or_default();
     recorded.thermometers = thermometers?;
     format?;
@@ -427,6 +442,7 @@ fn read(node: &Node<'_>) -> Option<Scenario> {
         gyros.extend(block?);
     }
     let (accelerometers, dopplers, gaps, faults) = (accelerometers?, dopplers?, gaps?, faults?);
+    let blocks = blocks?;
 
     let told = told.unwrap_or(match (&schuler_loop, &motion) {
         (Some(_), _) => Told::VelocityError,
@@ -453,14 +469,7 @@ fn read(node: &Node<'_>) -> Option<Scenario> {
             .problem_at("case.motion", "found \"static\"; expected recorded or unknown, as the body moves");
     }
     let known = |id: &str| outputs.iter().find(|(other, _)| other == id);
-    let mut resolved = Vec::new();
-    for (index, fault) in faults.into_iter().enumerate() {
-        let Some((_, factor)) = known(&fault.sensor) else {
-            let found = format!("found \"{}\"; expected the id of an output", fault.sensor);
-            return node.problem_at(&format!("fault[{index}].sensor"), &found);
-        };
-        resolved.push(FaultEntry { sensor: fault.sensor, fault: in_si(fault.timed, *factor) });
-    }
+    let faults = resolved(faults, &outputs, node)?;
     if let Some(entry) = &schuler_loop {
         for (key, source) in [("accelerometer", &entry.accelerometer), ("gyro", &entry.gyro)] {
             if let ErrorSource::Instrument(id) = source
@@ -471,7 +480,7 @@ fn read(node: &Node<'_>) -> Option<Scenario> {
             }
         }
     }
-    Some(Scenario {
+    let mut scenario = Scenario {
         title,
         seed,
         duration_s,
@@ -488,12 +497,27 @@ fn read(node: &Node<'_>) -> Option<Scenario> {
         accelerometers,
         dopplers,
         schuler_loop,
-        faults: resolved,
+        faults,
         parasites: Vec::new(),
+        fitted: Vec::new(),
         clocks: Vec::new(),
         rotation_vectors: Vec::new(),
         gaps,
-    })
+    };
+    disturbance::place(&mut scenario, blocks, node)?;
+    Some(scenario)
+}
+
+/// Faults in SI units, each of a known output.
+fn resolved(faults: Vec<RawFault>, outputs: &[(String, f64)], node: &Node<'_>) -> Option<Vec<FaultEntry>> {
+    let resolved = |(index, fault): (usize, RawFault)| {
+        let Some((_, factor)) = outputs.iter().find(|(id, _)| *id == fault.sensor) else {
+            let found = format!("found \"{}\"; expected the id of an output", fault.sensor);
+            return node.problem_at(&format!("fault[{index}].sensor"), &found);
+        };
+        Some(FaultEntry { sensor: fault.sensor, fault: in_si(fault.timed, *factor) })
+    };
+    faults.into_iter().enumerate().map(resolved).collect()
 }
 
 /// Ids of all outputs, with the SI value of one of their unit.

@@ -127,6 +127,7 @@ pub fn report(prefix: &str) -> Report {
         held_out_s: vec![[17_000.0, 21_000.0], [70_000.0, 78_000.0]],
         sensors: sensors.collect(),
         time_s,
+        ..CaseArrays::default()
     };
     Report {
         title: format!("{prefix}Six gyros on the bench over a day, run 17"),

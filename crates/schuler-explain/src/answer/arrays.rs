@@ -23,6 +23,7 @@ pub fn arrays(before: &OverRows<'_>, after: &OverRows<'_>, findings: &[Finding])
         step_s: model.step_s,
         held_out_s: held_out_s(model, &after.description.noises),
         sensors: (0..model.blocks.len()).flat_map(of_block).collect(),
+        ..CaseArrays::default()
     }
 }
 
@@ -96,7 +97,7 @@ fn cause(candidate: &Candidate, term: &Term, unit: Unit, time_s: &[f64]) -> Opti
 }
 
 /// The place of each term among the findings: of the same effect at the same place the one that begins nearest.
-fn findings_of<'t>(
+pub fn findings_of<'t>(
     model: &Model,
     candidates: &[Candidate],
     terms: impl Iterator<Item = &'t Term>,

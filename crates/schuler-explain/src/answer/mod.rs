@@ -9,10 +9,12 @@
 //! | [`held_out`] | how well it predicts what it was not fitted to |
 //! | [`located`] | where record and simulation differ, and what is left |
 //! | [`mod@arrays`] | what shows that it holds |
+//! | [`mod@model`] | what the findings add, as a model for a simulation |
 pub mod arrays;
 pub mod findings;
 pub mod held_out;
 pub mod located;
+pub mod model;
 pub mod parameters;
 pub mod polish;
 pub mod posterior;
@@ -57,6 +59,7 @@ pub fn told(searched: &Searched<'_>, prepared: &mut Prepared) -> (Explanation, C
     let located = located::located(&before);
     let mut notes = inputs.recording.warnings.clone();
     notes.extend(prepared.model.notes.iter().cloned());
-    let shown = arrays(&before, &after, &found);
+    let mut shown = arrays(&before, &after, &found);
+    shown.model = model::model(&after, &found, &fit);
     (Explanation { format: FORMAT, verdict, findings: found, fit, located, remainder, notes }, shown)
 }

@@ -6,6 +6,7 @@ use super::draft::{
     Draft, HOUR, ITSELF, Plausible, amplitude, any, at_each_instrument_place, at_each_place, coefficient,
     in_common, time_constant,
 };
+use super::form::Form;
 use super::in_flight::{InFlight, OF_THIS_RECORD, OF_UNKNOWN_PHASE, Part};
 use super::{Effect, OnsetShape, Search};
 use crate::inputs::series::map;
@@ -30,6 +31,7 @@ pub(super) const BIAS_CONSTANT: Effect = Effect {
     separated_by: "turn the sensor's axis by 180° between two runs: a bias keeps its sign, an input error changes it",
     source: IEEE_528,
     in_flight: InFlight::Term([Part::One, Part::One]),
+    form: Form::Term,
     acts_on: any,
     candidates: |effect, inputs| {
         at_each_place(effect, inputs, |place| {
@@ -50,6 +52,7 @@ pub(super) const BIAS_STEP: Effect = Effect {
     separated_by: "repeat the run: a step of the sensor's own does not come again at the same time",
     source: IEEE_528,
     in_flight: OF_THIS_RECORD,
+    form: Form::Step,
     acts_on: any,
     candidates: |effect, inputs| {
         let plausible = Plausible::inertial([0.01, 1.0], [5.0, 100.0]);
@@ -69,6 +72,7 @@ pub(super) const BIAS_DRIFT_LINEAR: Effect = Effect {
     separated_by: "hold the temperature constant for as long again: ageing goes on, a thermal drift ends",
     source: IEEE_528,
     in_flight: OF_THIS_RECORD,
+    form: Form::Drift,
     acts_on: any,
     candidates: |effect, inputs| {
         at_each_instrument_place(effect, inputs, |place| {
@@ -93,6 +97,7 @@ pub(super) const BIAS_WARMUP: Effect = Effect {
     separated_by: "switch on at another ambient temperature: warm-up comes again, dependence on T changes",
     source: "IEEE Std 813 (DTG test procedure), warm-up; IEEE Std 1293 for accelerometers",
     in_flight: OF_THIS_RECORD,
+    form: Form::WarmUp,
     acts_on: any,
     candidates: |effect, inputs| {
         if inputs.duration_s() < WARMUP_S {
@@ -126,6 +131,7 @@ pub(super) const BIAS_RESTART: Effect = Effect {
     separated_by: "more switch-ons at one temperature",
     source: "IEEE Std 528, repeatability from turn-on to turn-on",
     in_flight: OF_THIS_RECORD,
+    form: Form::Runs,
     acts_on: any,
     candidates: |effect, inputs| {
         if inputs.possible_run_starts.len() < 2 {
@@ -157,6 +163,7 @@ pub(super) const PERIODIC_LINE: Effect = Effect {
     separated_by: "another sampling rate moves an alias; another spin rate or engine speed moves its own line",
     source: "IEEE Std 813, spin-frequency and 2N noise; IEEE Std 647 for dither",
     in_flight: OF_UNKNOWN_PHASE,
+    form: Form::Waves,
     acts_on: any,
     candidates: |effect, inputs| {
         let plausible = Plausible { gyro: Some([0.001, 0.1]), ..Plausible::UNKNOWN };
@@ -177,6 +184,7 @@ pub(super) const SCHULER_OSCILLATION: Effect = Effect {
     separated_by: "run longer than one period of 84.4 min, or damp the loop with an outside velocity",
     source: "Schuler, Physikalische Zeitschrift 24 (1923) 344",
     in_flight: OF_UNKNOWN_PHASE,
+    form: Form::Waves,
     acts_on: |kind| matches!(kind, SensorKind::InsVelocity),
     candidates: |effect, inputs| {
         let schuler = schuler_rate(inputs);
@@ -201,7 +209,7 @@ pub(super) const SCHULER_OSCILLATION: Effect = Effect {
 };
 
 /// ω_S = √(g/R), rad/s.
-fn schuler_rate(inputs: &Inputs<'_>) -> f64 {
+pub(crate) fn schuler_rate(inputs: &Inputs<'_>) -> f64 {
     match inputs.recording.case.schuler_loop {
         Some(nominal) => (nominal.gravity / nominal.radius_m).sqrt(),
         None => (crate::inputs::motion::gravity(inputs.recording) / earth::SEMI_MAJOR_AXIS).sqrt(),

@@ -7,6 +7,7 @@
 //! as the readings, whether it is that delay, and whether it depends on temperature, which a thermometer tells inexactly.
 use schuler_recording::case::SensorKind;
 
+use super::form::Form;
 use super::in_flight::InFlight;
 use crate::inputs::Inputs;
 use crate::inputs::series::Series;
@@ -28,6 +29,8 @@ pub struct Effect {
     pub source: &'static str,
     /// Whether it is compensated in flight.
     pub in_flight: InFlight,
+    /// How what it adds is computed from recorded quantities.
+    pub form: Form,
     /// Which kinds of sensor it acts on.
     pub acts_on: fn(SensorKind) -> bool,
     /// The candidates that it gives in a case: none where what it needs was not recorded or does not vary.

@@ -6,6 +6,7 @@ use super::draft::{
     Draft, G_SQUARED, GAUSS, ITSELF, KILOPASCAL, MILLIRADIAN, Per, Plausible, VOLT, any, at_each_place,
     coefficient, gyros, inertial, time_constant, tuned_gyros,
 };
+use super::form::Form;
 use super::in_flight::IS_NOT_TOLD;
 use super::{Amplitude, Candidate, Effect, Port, general};
 use crate::inputs::motion::of_rows;
@@ -13,7 +14,7 @@ use crate::inputs::series::{lagged, map, mean, product, varies};
 use crate::inputs::{AuxiliaryInput, Inputs, Place, Series};
 
 /// Field of the Earth's centred dipole at the equator, T. `[IGRF-13, first degree, 2020]`
-const EQUATORIAL_FIELD: f64 = 2.98e-5;
+pub(crate) const EQUATORIAL_FIELD: f64 = 2.98e-5;
 
 pub(super) const BIAS_SUPPLY_VOLTAGE: Effect = Effect {
     id: "bias_supply_voltage",
@@ -23,6 +24,7 @@ pub(super) const BIAS_SUPPLY_VOLTAGE: Effect = Effect {
     separated_by: "step the supply at constant temperature",
     source: "IEEE Std 813, IEEE Std 1293 (power supply sensitivity)",
     in_flight: IS_NOT_TOLD,
+    form: Form::Recorded,
     acts_on: any,
     candidates: |effect, inputs| {
         of_quantity(effect, inputs, &[Quantity::Voltage], |place| {
@@ -39,6 +41,7 @@ pub(super) const BIAS_PRESSURE: Effect = Effect {
     separated_by: "change the pressure in a chamber at constant temperature",
     source: "IEEE Std 1293 (environmental sensitivities)",
     in_flight: IS_NOT_TOLD,
+    form: Form::Recorded,
     acts_on: any,
     candidates: |effect, inputs| {
         of_quantity(effect, inputs, &[Quantity::Pressure], |place| {
@@ -55,6 +58,7 @@ pub(super) const BIAS_MAGNETIC_FIELD: Effect = Effect {
     separated_by: "a coil at constant attitude",
     source: "IEEE Std 813, IEEE Std 952 (magnetic sensitivity)",
     in_flight: IS_NOT_TOLD,
+    form: Form::MagneticField,
     acts_on: inertial,
     candidates: |effect, inputs| {
         const FIELDS: [Quantity; 3] =
@@ -99,6 +103,7 @@ pub(super) const BIAS_PICKOFF_OFFSET: Effect = Effect {
     separated_by: "offset the pick-off electrically at rest",
     source: "IEEE Std 813; Hayakawa & Nibe (residual spring and damping of the tuned rotor)",
     in_flight: IS_NOT_TOLD,
+    form: Form::Recorded,
     acts_on: tuned_gyros,
     candidates: |effect, inputs| {
         at_each_place(effect, inputs, |place| {
@@ -123,6 +128,7 @@ pub(super) const VIBRATION_RECTIFICATION: Effect = Effect {
     separated_by: "shake at several levels along each axis",
     source: "IEEE Std 1293, vibration rectification; Honeywell, accelerometer glossary",
     in_flight: IS_NOT_TOLD,
+    form: Form::RecordedSquare,
     acts_on: inertial,
     candidates: |effect, inputs| {
         at_each_place(effect, inputs, |place| {
@@ -146,6 +152,7 @@ pub(super) const BIAS_ON_AUX: Effect = Effect {
     separated_by: "vary that quantity alone",
     source: "none: a dependence found in the data, for a person to explain",
     in_flight: IS_NOT_TOLD,
+    form: Form::Recorded,
     acts_on: any,
     candidates: |effect, inputs| {
         let lag = time_constant(inputs, 10.0, 3600.0);

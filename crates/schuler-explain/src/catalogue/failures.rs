@@ -1,5 +1,6 @@
 //! What readings show of a failure without a model of the sensor, and a limit that a known input shows.
 use super::draft::{Draft, ITSELF, Plausible, any, at_each_place, coefficient};
+use super::form::Form;
 use super::in_flight::IS_A_FAILURE;
 use super::input::clipped_inputs;
 use super::{Candidate, Effect, Port, ReadingFault, Search};
@@ -19,6 +20,7 @@ macro_rules! failure {
             separated_by: $separated_by,
             source: SOURCE,
             in_flight: IS_A_FAILURE,
+            form: Form::Values,
             acts_on: any,
             candidates: |effect, inputs| readings(effect, inputs, $fault),
         };
@@ -42,6 +44,7 @@ pub(super) const OUTPUT_SATURATED: Effect = Effect {
     separated_by: "the same motion with less amplitude",
     source: SOURCE,
     in_flight: IS_A_FAILURE,
+    form: Form::Clipped,
     acts_on: any,
     // A converter's limit shows in the readings that equal it. What is clipped before the noise comes to it, as by a torquer that
     // can no more, shows beside a known input only.

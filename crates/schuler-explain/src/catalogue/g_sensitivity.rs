@@ -3,6 +3,7 @@
 //! i = input axis, s = spin axis, o = s × i ([`crate::inputs::Axes`]). Of any gyro: an optical one has no mass to be unbalanced, but a coil or a
 //! path that the force strains.
 use super::draft::{Draft, G, G_SQUARED, Plausible, at_each_place, coefficient, gyros};
+use super::form::Form;
 use super::in_flight::{GyroAxis, InFlight, Part};
 use super::{Candidate, Effect};
 use crate::inputs::series::{product, varies};
@@ -26,6 +27,7 @@ macro_rules! on_force {
             separated_by: TUMBLE,
             source: IEEE_813,
             in_flight: InFlight::Term([Part::Force($of), Part::One]),
+            form: Form::Term,
             acts_on: gyros,
             candidates: |effect, inputs| on_force(effect, inputs, $axis, Plausible::gyro($plausible)),
         };
@@ -68,6 +70,7 @@ pub(super) const G2_ANISOELASTICITY: Effect = Effect {
     separated_by: TUMBLE_45,
     source: LIU_FAN,
     in_flight: InFlight::Term([Part::Force(GyroAxis::Input), Part::Force(GyroAxis::Spin)]),
+    form: Form::Term,
     acts_on: gyros,
     candidates: |effect, inputs| {
         on_product(effect, inputs, &[(None, |axes| axes.input, |axes| axes.spin)], [0.01, 0.1])
@@ -85,6 +88,7 @@ pub(super) const G2_CROSS: Effect = Effect {
         ("input-other", [Part::Force(GyroAxis::Input), Part::Force(GyroAxis::Other)]),
         ("other-spin", [Part::Force(GyroAxis::Other), Part::Force(GyroAxis::Spin)]),
     ]),
+    form: Form::Term,
     acts_on: gyros,
     candidates: |effect, inputs| {
         let products: [Product; 2] = [

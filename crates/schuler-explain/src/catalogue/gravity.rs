@@ -1,5 +1,6 @@
 //! Errors of the gravity that a simulation assumes: an anomaly, and the tide of the solid Earth.
 use super::draft::{Draft, ITSELF, Plausible, accelerometers, amplitude, at_each_place, instruments, number};
+use super::form::Form;
 use super::in_flight::OF_THE_PLACE;
 use super::{Column, Effect, Port, Search, Signature};
 use crate::catalogue::tide::upward_pull;
@@ -28,6 +29,7 @@ pub(super) const GRAVITY_ANOMALY: Effect = Effect {
     separated_by: "turn the axis upside down: an error of gravity changes sign with it, a bias does not",
     source: "Groves, 2nd ed., ch. 2 (gravity models and their errors)",
     in_flight: OF_THE_PLACE,
+    form: Form::Gravity,
     acts_on: accelerometers,
     candidates: |effect, inputs| {
         let Some(down) = &inputs.motion.down else { return Vec::new() };
@@ -60,6 +62,7 @@ pub(super) const EARTH_TIDE: Effect = Effect {
     separated_by: "a record of two weeks: the tide's lines are not at whole days, those of temperature are",
     source: "Longman, J. Geophysical Research 64 (1959) 2351",
     in_flight: OF_THE_PLACE,
+    form: Form::Values,
     acts_on: accelerometers,
     candidates: |effect, inputs| {
         if inputs.duration_s() < TIDE_S {

@@ -12,7 +12,7 @@ pub enum InFlight {
 }
 
 /// What a term is proportional to, as the catalogue speaks of it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
     /// Nothing.
     One,
@@ -37,7 +37,7 @@ pub enum Part {
 }
 
 /// Axes of a gyro.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum GyroAxis {
     /// The one that it senses.
     Input,

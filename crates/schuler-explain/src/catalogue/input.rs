@@ -7,6 +7,7 @@ use super::draft::{
     VELOCITY_CUBED, VELOCITY_SQUARED, accelerometers, any, arcseconds, at_each_place, coefficient,
     instruments, logarithmic, number, ppm, seen, to_the,
 };
+use super::form::Form;
 use super::in_flight::{IS_A_FAILURE, InFlight, Part};
 use super::{Column, Effect, Nonlinear, Search, Signature, Target};
 use crate::inputs::series::{both_signs, map, product, varies};
@@ -37,6 +38,7 @@ pub(super) const SCALE_FACTOR: Effect = Effect {
     separated_by: "rates or positions of several sizes and both signs at constant temperature",
     source: "IEEE Std 528; IEEE Std 292 and 1293 for accelerometers",
     in_flight: InFlight::Term([Part::Input(1), Part::One]),
+    form: Form::Term,
     acts_on: any,
     candidates: |effect, inputs| {
         let mut candidates = at_each_place(effect, inputs, |place| {
@@ -64,6 +66,7 @@ pub(super) const SCALE_FACTOR_ASYMMETRY: Effect = Effect {
     separated_by: "equal and opposite rates or positions",
     source: IEEE_1293,
     in_flight: InFlight::Term([Part::InputMagnitude, Part::One]),
+    form: Form::Term,
     acts_on: any,
     candidates: |effect, inputs| {
         of_input(effect, inputs, both_signs, |place, input| (map(input, f64::abs), ppm(place, [5.0, 50.0])))
@@ -78,6 +81,7 @@ pub(super) const SCALE_FACTOR_QUADRATIC: Effect = Effect {
     separated_by: "centrifuge or rates at several sizes; vibration along the axis shows it as a constant",
     source: IEEE_1293,
     in_flight: InFlight::Term([Part::Input(2), Part::One]),
+    form: Form::Term,
     acts_on: any,
     candidates: |effect, inputs| {
         of_input(effect, inputs, amplitude_varies, |place, input| {
@@ -95,6 +99,7 @@ pub(super) const SCALE_FACTOR_CUBIC: Effect = Effect {
     separated_by: "centrifuge or rates at several sizes and both signs",
     source: IEEE_1293,
     in_flight: InFlight::Term([Part::Input(3), Part::One]),
+    form: Form::Term,
     acts_on: any,
     candidates: |effect, inputs| {
         of_input(effect, inputs, amplitude_varies, |place, input| {
@@ -111,6 +116,7 @@ pub(super) const SCALE_FACTOR_ODD_QUADRATIC: Effect = Effect {
     separated_by: "centrifuge or rates at several sizes and both signs",
     source: IEEE_1293,
     in_flight: InFlight::Term([Part::Input(1), Part::InputMagnitude]),
+    form: Form::Term,
     acts_on: any,
     candidates: |effect, inputs| {
         let has = |input: &[f64]| amplitude_varies(input) && both_signs(input);
@@ -129,6 +135,7 @@ pub(super) const MISALIGNMENT: Effect = Effect {
     separated_by: "rotate about each axis in turn, or put each face up",
     source: IEEE_1293,
     in_flight: InFlight::Term([Part::InputAcross, Part::One]),
+    form: Form::Mounting,
     acts_on: any,
     candidates: |effect, inputs| {
         let mut candidates = at_each_place(effect, inputs, |place| {
@@ -154,6 +161,7 @@ pub(super) const CROSS_COUPLING: Effect = Effect {
     separated_by: "faces up at 45° about each axis",
     source: IEEE_1293,
     in_flight: InFlight::Term([Part::Input(1), Part::ForceAcross]),
+    form: Form::Term,
     acts_on: accelerometers,
     candidates: |effect, inputs| {
         at_each_place(effect, inputs, |place| {
@@ -178,6 +186,7 @@ pub(super) const DEAD_ZONE: Effect = Effect {
     separated_by: "rates below and above the threshold, up and down",
     source: "IEEE Std 528, threshold and dead band",
     in_flight: IS_A_FAILURE,
+    form: Form::DeadZone,
     acts_on: any,
     candidates: |effect, inputs| {
         at_each_place(effect, inputs, |place| {

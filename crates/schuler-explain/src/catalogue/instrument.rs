@@ -7,6 +7,7 @@ use schuler_recording::motion::earth;
 use schuler_recording::unit::Dimension;
 
 use super::draft::{Draft, Instrument, any, displaced, gyros, instruments, logarithmic, number, seen};
+use super::form::Form;
 use super::in_flight::{OF_THE_PLACE, WITHIN_A_STEP};
 use super::input::varying;
 use super::{Candidate, Column, Effect, Nonlinear, Port, Search, Signature, Target};
@@ -36,6 +37,7 @@ pub(super) const TIME_DELAY: Effect = Effect {
     separated_by: "oscillate at several frequencies: a delay's phase grows with frequency, its gain stays",
     source: "IEEE Std 1559 (inertial systems), data latency",
     in_flight: WITHIN_A_STEP,
+    form: Form::Delay,
     acts_on: any,
     candidates: |effect, inputs| {
         let longest_s = inputs.duration_s() / 20.0;
@@ -100,6 +102,7 @@ pub(super) const BANDWIDTH_LAG: Effect = Effect {
     separated_by: "oscillate at several frequencies: a lag loses gain as its phase grows, a delay does not",
     source: "IEEE Std 528, frequency response",
     in_flight: WITHIN_A_STEP,
+    form: Form::Bandwidth,
     acts_on: any,
     candidates: |effect, inputs| {
         let most = MOST_LAG_S.max(inputs.recording.step_s);
@@ -120,6 +123,7 @@ pub(super) const LEVER_ARM: Effect = Effect {
     separated_by: "rotate about two axes in turn at the same place",
     source: "Groves, Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems, 2nd ed., ch. 2 and 5",
     in_flight: WITHIN_A_STEP,
+    form: Form::LeverArm,
     acts_on: displaced,
     candidates: |effect, inputs| {
         let (Some(rate), Some(acceleration)) = (&inputs.motion.rate, &inputs.motion.angular_acceleration)
@@ -169,6 +173,7 @@ pub(super) const EARTH_RATE_ATTITUDE: Effect = Effect {
     separated_by: "turn to other headings: an error of heading goes round with it, a bias stays",
     source: "gyrocompassing; Groves, 2nd ed., ch. 5",
     in_flight: OF_THE_PLACE,
+    form: Form::EarthRate,
     acts_on: gyros,
     candidates: |effect, inputs| {
         let (Some(north), Some(down), Some(site)) =
@@ -287,7 +292,7 @@ fn late(place: &Place) -> impl Fn(&[f64], &[f64], f64) -> Vec<f64> + Copy + Send
 /// The input straight on from the end of the record at which t − d lies beyond it, by a step's slope and no further than
 /// [`STRAIGHT_ON_STEPS`]: there to say that nothing is late would leave the whole of what the delay does as an error at
 /// the edge, which drifts and steps then explain.
-fn straight_on(time_s: &[f64], input: &[f64], delay_s: f64) -> impl Fn(f64) -> f64 {
+pub(crate) fn straight_on(time_s: &[f64], input: &[f64], delay_s: f64) -> impl Fn(f64) -> f64 {
     let end = if delay_s < 0.0 { time_s.len().saturating_sub(2) } else { 0 };
     let at = |values: &[f64], row: usize| values.get(row).copied().unwrap_or_default();
     let (from, value) = (at(time_s, end), at(input, end));
@@ -298,7 +303,7 @@ fn straight_on(time_s: &[f64], input: &[f64], delay_s: f64) -> impl Fn(f64) -> f
 }
 
 /// The body's rate over the Earth: less the Earth's own where the attitude is known.
-fn rate_over_earth(inputs: &Inputs<'_>, rate: &[Series; 3]) -> [Series; 3] {
+pub(crate) fn rate_over_earth(inputs: &Inputs<'_>, rate: &[Series; 3]) -> [Series; 3] {
     let motion = &inputs.motion;
     let (Some(north), Some(down), Some(site)) = (&motion.north, &motion.down, inputs.recording.case.site)
     else {

@@ -17,12 +17,13 @@
 //! | `unnamed` | what is in no catalogue, as a rival of all that is |
 //! | `user`, `formula` | what the case itself defines by a formula |
 //!
-//! `in_flight` says what the flight module can do about an effect.
+//! `in_flight` says what the flight module can do about an effect, `form` how it is computed outside.
 mod additive;
 mod draft;
 mod effect;
 mod environment;
 mod failures;
+mod form;
 mod formula;
 mod g_sensitivity;
 mod general;
@@ -38,11 +39,15 @@ mod tide;
 mod unnamed;
 mod user;
 
+pub(crate) use additive::schuler_rate;
 pub use effect::{
     AT_MEAN, AT_START, Amplitude, Candidate, Column, Effect, NoiseChange, Nonlinear, OnsetShape, Port,
     ReadingFault, Search, Signature, SignatureOf, Target, share_equal_series,
 };
+pub(crate) use environment::EQUATORIAL_FIELD;
+pub use form::Form;
 pub use in_flight::{GyroAxis, HAS_NO_TERM, InFlight, Part};
+pub(crate) use instrument::{rate_over_earth, straight_on};
 pub use user::of_case;
 
 use crate::nominal::Model;

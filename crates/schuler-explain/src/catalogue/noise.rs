@@ -1,5 +1,6 @@
 //! The random part is another than the nominal model says.
 use super::draft::{Draft, any, at_each_place, inertial};
+use super::form::Form;
 use super::in_flight::{IS_A_FAILURE, IS_NOISE};
 use super::{Candidate, Effect, NoiseChange, ReadingFault, Search};
 use crate::inputs::{Inputs, Place};
@@ -18,6 +19,7 @@ macro_rules! noise {
             separated_by: $separated_by,
             source: IEEE_952,
             in_flight: IS_NOISE,
+            form: Form::Values,
             acts_on: $acts_on,
             candidates: |effect, inputs| changed(effect, inputs, $change),
         };
@@ -86,6 +88,7 @@ pub(super) const NOISE_VARIANCE_STEP: Effect = Effect {
     separated_by: "repeat the run",
     source: IEEE_952,
     in_flight: IS_NOISE,
+    form: Form::Values,
     acts_on: any,
     candidates: |effect, inputs| {
         at_each_place(effect, inputs, |place| {
@@ -109,6 +112,7 @@ pub(super) const NOISE_OUTLIERS: Effect = Effect {
     separated_by: "log the raw words of the link: spikes of the link are not in the sensor",
     source: IEEE_952,
     in_flight: IS_A_FAILURE,
+    form: Form::Values,
     acts_on: any,
     candidates: |effect, inputs| {
         at_each_place(effect, inputs, |place| {

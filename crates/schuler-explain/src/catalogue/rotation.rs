@@ -5,6 +5,7 @@ use super::draft::{
     Draft, G, Plausible, RATE_SQUARED, accelerometers, at_each_place, coefficient, gyros, inertial,
     logarithmic, number, ppm, time_constant, tuned_gyros,
 };
+use super::form::Form;
 use super::in_flight::{GyroAxis, HAS_A_MEMORY, InFlight, Part, WITHIN_A_STEP};
 use super::{Effect, Nonlinear};
 use crate::inputs::Series;
@@ -29,6 +30,7 @@ pub(super) const TORQUER_SELF_HEATING: Effect = Effect {
     source: "IEEE Std 813, torquer heating",
     // A tuned gyro by both its torquers; whatever closes another gyro's loop is fed for its own rate.
     in_flight: HAS_A_MEMORY,
+    form: Form::Heating,
     acts_on: gyros,
     candidates: |effect, inputs| {
         let Some(tau) = time_constant(inputs, 10.0, 3600.0) else { return Vec::new() };
@@ -71,6 +73,7 @@ pub(super) const POST_G_TRANSIENT: Effect = Effect {
     separated_by: "hold on a centrifuge, stop, and watch at rest",
     source: "IEEE Std 836 (centrifuge), IEEE Std 1293",
     in_flight: HAS_A_MEMORY,
+    form: Form::Lag(&[Part::Input(1)]),
     acts_on: accelerometers,
     candidates: |effect, inputs| {
         let Some(tau) = time_constant(inputs, 1.0, 3600.0) else { return Vec::new() };
@@ -91,6 +94,7 @@ pub(super) const ANISOINERTIA: Effect = Effect {
     separated_by: "rotate about an axis at 45° between the two, both ways",
     source: "IEEE Std 813; IEEE Std 292 for the same term of single-axis gyros",
     in_flight: InFlight::Term([Part::Input(1), Part::Rate(GyroAxis::Spin)]),
+    form: Form::Term,
     acts_on: tuned_gyros,
     candidates: |effect, inputs| {
         at_each_place(effect, inputs, |place| {
@@ -117,6 +121,7 @@ pub(super) const ANGULAR_ACCELERATION: Effect = Effect {
     separated_by: "oscillate at several frequencies: the error grows with frequency, a lag's phase turns on",
     source: "IEEE Std 813, angular-acceleration sensitivity",
     in_flight: WITHIN_A_STEP,
+    form: Form::AngularAcceleration,
     acts_on: gyros,
     candidates: |effect, inputs| {
         at_each_place(effect, inputs, |place| {
@@ -143,6 +148,7 @@ pub(super) const RATE_CROSS_AXIS: Effect = Effect {
     separated_by: "remount the gyro by 90° about its spin axis: a misalignment of the mount stays with the mount",
     source: "IEEE Std 813, cross-axis coupling of the tuned gyro's loops",
     in_flight: InFlight::Term([Part::Rate(GyroAxis::Other), Part::One]),
+    form: Form::Term,
     acts_on: tuned_gyros,
     candidates: |effect, inputs| {
         at_each_place(effect, inputs, |place| {
@@ -160,6 +166,7 @@ pub(super) const CONING_SCULLING: Effect = Effect {
     separated_by: "coning about the axis at another amplitude: the error goes with its square",
     source: "Savage, J. Guidance, Control, and Dynamics 21 (1998) 19 and 208; Titterton & Weston",
     in_flight: WITHIN_A_STEP,
+    form: Form::Values,
     acts_on: inertial,
     candidates: |effect, inputs| {
         let step_s = inputs.recording.step_s;

@@ -7,6 +7,7 @@ use schuler_recording::case::{MotionKind, SensorKind};
 use schuler_recording::unit::{Dimension, STANDARD_GRAVITY};
 
 use super::draft::{Draft, Instrument, any, inertial, instruments, number};
+use super::form::Form;
 use super::in_flight::HAS_NO_TERM;
 use super::input::varying;
 use super::{Candidate, Column, Effect, Nonlinear, Port, Search, Signature, Target};
@@ -45,6 +46,7 @@ pub(super) const SIGN_FLIPPED: Effect = Effect {
     separated_by: "turn the sensor by hand",
     source: "",
     in_flight: HAS_NO_TERM,
+    form: Form::Proportional,
     acts_on: any,
     candidates: |effect, inputs| {
         let mut found: Vec<Candidate> = Vec::new();
@@ -70,6 +72,7 @@ pub(super) const AXES_SWAPPED: Effect = Effect {
     separated_by: "turn the instrument by hand about one axis after the other",
     source: "",
     in_flight: HAS_NO_TERM,
+    form: Form::Values,
     acts_on: any,
     candidates: |effect, inputs| {
         let mut found = Vec::new();
@@ -112,6 +115,7 @@ pub(super) const UNIT_MISTAKEN: Effect = Effect {
     separated_by: "the data sheet",
     source: "",
     in_flight: HAS_NO_TERM,
+    form: Form::Proportional,
     acts_on: any,
     candidates: |effect, inputs| {
         let mut found = Vec::new();
@@ -143,6 +147,7 @@ pub(super) const GRAVITY_REMOVED: Effect = Effect {
     separated_by: "tilt the instrument",
     source: "",
     in_flight: HAS_NO_TERM,
+    form: Form::Proportional,
     acts_on: inertial,
     candidates: |effect, inputs| {
         if inputs.recording.case.motion.kind != MotionKind::Static {
@@ -166,6 +171,7 @@ pub(super) const REFERENCE_NOISE: Effect = Effect {
     separated_by: "a reference of less noise, or one that is smoothed",
     source: "Fuller, Measurement Error Models (1987)",
     in_flight: HAS_NO_TERM,
+    form: Form::Values,
     acts_on: any,
     candidates: |effect, inputs| {
         let mut found = Vec::new();

@@ -8,6 +8,7 @@ use super::draft::{
     Plausible, amplitude, any, at_each_instrument_place, coefficient, gyros, inertial, logarithmic, number,
     time_constant,
 };
+use super::form::Form;
 use super::in_flight::{GyroAxis, HAS_A_MEMORY, InFlight, Part};
 use super::{AT_MEAN, Candidate, Effect, Nonlinear};
 use crate::inputs::series::{lagged, map, mean, play_branch, product, range, varies};
@@ -40,6 +41,7 @@ pub(super) const BIAS_TEMPERATURE: Effect = Effect {
     separated_by: "soak at two temperatures until dT/dt is zero: only dependence on T itself is left",
     source: IEEE_813,
     in_flight: InFlight::Term([Part::Temperature(1), Part::One]),
+    form: Form::Term,
     acts_on: any,
     candidates: |effect, inputs| {
         let plausible = Plausible::inertial([0.01, 0.05], [1.0, 30.0]);
@@ -60,6 +62,7 @@ pub(super) const BIAS_TEMPERATURE_SQ: Effect = Effect {
     separated_by: "soak at three temperatures",
     source: IEEE_813,
     in_flight: InFlight::Term([Part::Temperature(2), Part::One]),
+    form: Form::Term,
     acts_on: any,
     candidates: |effect, inputs| {
         let plausible = Plausible { gyro: Some([1e-4, 1e-3]), ..Plausible::UNKNOWN };
@@ -77,6 +80,7 @@ pub(super) const BIAS_TEMPERATURE_CUBIC: Effect = Effect {
     separated_by: "soak at four temperatures",
     source: IEEE_813,
     in_flight: InFlight::Term([Part::Temperature(3), Part::One]),
+    form: Form::Term,
     acts_on: any,
     candidates: |effect, inputs| {
         per_thermometer(effect, inputs, |place, thermometer| {
@@ -93,6 +97,7 @@ pub(super) const BIAS_TEMPERATURE_RATE: Effect = Effect {
     separated_by: "a temperature profile that passes one temperature at two rates, up and down: a daily cycle, or ramps of both signs",
     source: "Tarygin 2024; Shupe 1980 for fibre-optic gyros",
     in_flight: InFlight::Term([Part::TemperatureRate, Part::One]),
+    form: Form::Term,
     acts_on: any,
     candidates: |effect, inputs| {
         // 0.01–0.5 °/h per K/min.
@@ -115,6 +120,7 @@ pub(super) const BIAS_THERMAL_LAG: Effect = Effect {
     separated_by: "a step of temperature, held for several τ: the lag shows as an exponential after the step",
     source: IEEE_813,
     in_flight: HAS_A_MEMORY,
+    form: Form::Lag(&[Part::Temperature(1)]),
     acts_on: any,
     candidates: |effect, inputs| {
         let Some(tau) = time_constant(inputs, 60.0, 6.0 * 3600.0) else { return Vec::new() };
@@ -139,6 +145,7 @@ pub(super) const BIAS_TEMPERATURE_GRADIENT: Effect = Effect {
     separated_by: "heat one side and soak the whole at the same mean temperature",
     source: IEEE_813,
     in_flight: InFlight::Term([Part::TemperatureDifference, Part::One]),
+    form: Form::Term,
     acts_on: any,
     candidates: |effect, inputs| {
         at_each_instrument_place(effect, inputs, |place| {
@@ -174,6 +181,7 @@ pub(super) const BIAS_THERMAL_HYSTERESIS: Effect = Effect {
     separated_by: "stop half-way on a heating and on a cooling ramp and soak: hysteresis stays, dependence on dT/dt goes",
     source: "IEEE Std 1293, thermal hysteresis; Krasnosel'skii & Pokrovskii for the play operator",
     in_flight: HAS_A_MEMORY,
+    form: Form::Branch,
     acts_on: any,
     candidates: |effect, inputs| {
         per_thermometer(effect, inputs, |place, thermometer| {
@@ -205,6 +213,7 @@ pub(super) const BIAS_ELECTRONICS_TEMPERATURE: Effect = Effect {
     separated_by: "heat the electronics alone",
     source: IEEE_813,
     in_flight: InFlight::Term([Part::Temperature(1), Part::One]),
+    form: Form::Term,
     acts_on: any,
     candidates: |effect, inputs| {
         at_each_instrument_place(effect, inputs, |place| {
@@ -229,6 +238,7 @@ pub(super) const SCALE_FACTOR_TEMPERATURE: Effect = Effect {
     separated_by: "the same rates or positions at two temperatures",
     source: IEEE_813,
     in_flight: InFlight::Term([Part::Input(1), Part::Temperature(1)]),
+    form: Form::Term,
     acts_on: any,
     candidates: |effect, inputs| {
         per_thermometer(effect, inputs, |place, thermometer| {
@@ -248,6 +258,7 @@ pub(super) const MISALIGNMENT_TEMPERATURE: Effect = Effect {
     separated_by: "the same rotation across the axis at two temperatures",
     source: IEEE_813,
     in_flight: InFlight::Term([Part::InputAcross, Part::Temperature(1)]),
+    form: Form::Term,
     acts_on: inertial,
     candidates: |effect, inputs| {
         per_thermometer(effect, inputs, |place, thermometer| {
@@ -272,6 +283,7 @@ pub(super) const G_MASS_UNBALANCE_TEMPERATURE: Effect = Effect {
     separated_by: "the same tumble at a second temperature",
     source: "IEEE Std 813, mass unbalance; Hayakawa & Nibe for the tuned rotor",
     in_flight: InFlight::Term([Part::Force(GyroAxis::Input), Part::Temperature(1)]),
+    form: Form::Term,
     acts_on: gyros,
     candidates: |effect, inputs| {
         per_thermometer(effect, inputs, |place, thermometer| {

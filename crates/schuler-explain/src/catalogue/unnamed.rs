@@ -5,6 +5,7 @@ use std::f64::consts::PI;
 
 use super::Effect;
 use super::draft::{Draft, ITSELF, Plausible, amplitude, any, at_each_place};
+use super::form::Form;
 use super::in_flight::HAS_NO_TERM;
 
 /// Cosines of which a smooth function is made.
@@ -19,6 +20,7 @@ pub(super) const UNNAMED: Effect = Effect {
     separated_by: "vary that quantity alone",
     source: "",
     in_flight: HAS_NO_TERM,
+    form: Form::Values,
     acts_on: any,
     candidates: |effect, inputs| {
         let of_time = (String::from("time"), inputs.time_s.to_vec());

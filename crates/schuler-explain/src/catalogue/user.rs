@@ -10,6 +10,7 @@ use schuler_recording::case::UserEffect;
 use schuler_recording::formula::{Formula, check::Scope};
 
 use super::draft::{Draft, any};
+use super::form::Form;
 use super::formula::{Fault, Names};
 use super::in_flight::HAS_NO_TERM;
 use super::{Amplitude, Candidate, Column, Effect, Nonlinear, Search, Signature, Target, named};
@@ -205,6 +206,7 @@ fn row(user: &UserEffect) -> &'static Effect {
             separated_by: "vary the quantities in its formula one at a time",
             source: "none: the case defines it",
             in_flight: HAS_NO_TERM,
+            form: Form::Values,
             acts_on: any,
             candidates: again,
         }))

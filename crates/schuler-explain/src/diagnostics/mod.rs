@@ -10,6 +10,8 @@ mod spectrum;
 use rayon::prelude::*;
 use schuler_recording::unit::Unit;
 
+use crate::export::model::Model;
+
 pub use autocorrelation::{Autocorrelation, autocorrelation};
 pub use dependence::{Bin, Cause, Dependence};
 pub use spectrum::{Density, Whiteness, density, whiteness};
@@ -25,6 +27,8 @@ pub struct CaseArrays {
     pub held_out_s: Vec<[f64; 2]>,
     /// The sensors; one without a residual (a table that only drives others) is left out.
     pub sensors: Vec<SensorArrays>,
+    /// What the findings add to the readings.
+    pub model: Model,
 }
 
 /// What the analysis hands over of a sensor: arrays of as many values as there are rows.
@@ -119,7 +123,7 @@ impl<T> Compared<T> {
 /// What shows that an explanation holds. Arrays shorter than the recording count as missing at their end; never
 /// panics.
 pub fn evidence(arrays: CaseArrays) -> CaseEvidence {
-    let CaseArrays { time_s, step_s, held_out_s, sensors } = arrays;
+    let CaseArrays { time_s, step_s, held_out_s, sensors, .. } = arrays;
     let rows = time_s.len();
     let sensors = sensors.into_par_iter().map(|sensor| of_sensor(sensor, rows, step_s)).collect();
     CaseEvidence { time_s, step_s, held_out_s, sensors }
@@ -212,6 +216,7 @@ mod tests {
                     cause: Some(Cause { name: "x".into(), unit: "K".into(), values: cause }),
                 }],
             }],
+            ..CaseArrays::default()
         });
         let sensor = &found.sensors[0];
         let worst = (0..rows).map(|k| (sensor.remainder[k] - noise[k]).abs()).fold(0.0, f64::max);

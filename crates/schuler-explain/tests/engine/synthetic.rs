@@ -4,8 +4,8 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use schuler_explain::catalogue::{
-    Amplitude, Candidate, Column, Effect, InFlight, NoiseChange, Nonlinear, OnsetShape, Port, ReadingFault,
-    Search, Signature, Target,
+    Amplitude, Candidate, Column, Effect, Form, InFlight, NoiseChange, Nonlinear, OnsetShape, Port,
+    ReadingFault, Search, Signature, Target,
 };
 use schuler_explain::config::Config;
 use schuler_explain::explain::{Error, explain_with};
@@ -26,6 +26,7 @@ macro_rules! effect {
             separated_by: "another record",
             source: "",
             in_flight: InFlight::Never("it is not"),
+            form: Form::Values,
             acts_on: |_| true,
             candidates: |_, _| Vec::new(),
         };

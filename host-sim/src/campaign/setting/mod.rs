@@ -160,6 +160,7 @@ fn empty(title: &str, seed: u64, duration_s: f64, step_s: f64, draw: &mut Draw) 
         schuler_loop: None,
         faults: vec![],
         parasites: vec![],
+        fitted: vec![],
         clocks: vec![],
         rotation_vectors: vec![],
         gaps: vec![],
