@@ -240,10 +240,10 @@ fn hold(law: &str, found: &BTreeMap<String, usize>, what: &str) {
         match open.get(where_found) {
             None => wrong.push(format!("{where_found}: {number} {what}")),
             Some(most) if number > most => {
-                wrong.push(format!("{where_found}: {number} {what}, {most} before"))
+                wrong.push(format!("{where_found}: {number} {what}, {most} before"));
             }
             Some(most) if number < most => {
-                println!("{where_found}: {number} {what}, {OPEN} still allows {most}")
+                println!("{where_found}: {number} {what}, {OPEN} still allows {most}");
             }
             Some(_) => {}
         }

@@ -84,11 +84,13 @@ pub fn sentence(
             }
         })
         .collect();
-    if numbers.is_empty() {
-        format!("{since}{said}.")
-    } else {
-        format!("{since}{said}: {}.", numbers.join(", "))
-    }
+    let begun = begun(&format!("{since}{said}"));
+    if numbers.is_empty() { format!("{begun}.") } else { format!("{begun}: {}.", numbers.join(", ")) }
+}
+
+/// A sentence whose first word is a capital where it is no name of the user's: that of what several sensors have in common.
+pub fn begun(text: &str) -> String {
+    text.strip_prefix("what ").map_or_else(|| text.to_owned(), |rest| format!("What {rest}"))
 }
 
 /// How many times what the case states a parameter is, where it states it.
@@ -148,6 +150,12 @@ mod tests {
         assert_eq!(said(effect, "log", &delay(-1.46)), "log comes early, or its reference late");
         assert_eq!(quoted(&delay(-1.46))[0].value, Some(1.46));
         assert_eq!(quoted(&delay(0.3))[0].value, Some(0.3));
+    }
+
+    #[test]
+    fn names_keep_their_letters_where_a_sentence_begins() {
+        assert_eq!(begun("what ax and ay have in common jumps"), "What ax and ay have in common jumps");
+        assert_eq!(begun("gyro_x jumps"), "gyro_x jumps");
     }
 
     #[test]

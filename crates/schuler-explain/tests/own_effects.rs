@@ -188,7 +188,8 @@ fn the_flight_module_has_no_term_for_it() {
     let effect = schuler_explain::catalogue::named("torsion");
     assert!(effect.is_none());
     let explanation = said(&recording);
-    let exported = schuler_explain::export::deploy(&explanation, &recording, &Default::default());
+    let exported =
+        schuler_explain::export::compensation::deploy(&explanation, &recording, &Default::default());
     let InFlight::Never(because) = HAS_NO_TERM else { panic!("a term") };
     let of_it = exported.findings.iter().find(|it| it.effect == "torsion").unwrap();
     assert_eq!(of_it.because.as_deref(), Some(because));

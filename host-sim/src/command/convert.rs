@@ -184,10 +184,11 @@ fn write(
     table: Box<dyn TableReader>,
     wanted: &[usize],
     step_s: Option<f64>,
-    (path, format): (&Path, table::Format),
+    to: (&Path, table::Format),
     arguments: &Arguments,
     session: &Session,
 ) -> Result<Answer, Failure> {
+    let (path, format) = to;
     let of_s = (arguments.from.is_some() || arguments.to.is_some())
         .then(|| [arguments.from.unwrap_or(f64::NEG_INFINITY), arguments.to.unwrap_or(f64::INFINITY)]);
     let columns = wanted.iter().filter_map(|&index| table.names().get(index).cloned()).collect();

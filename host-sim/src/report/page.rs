@@ -99,7 +99,15 @@ fn findings(report: &Report) -> Markup {
         section #findings aria-labelledby="findings-title" {
             h2 #findings-title { "Findings" }
             @if all.is_empty() { p { (words::verdict(report.explanation.verdict)) } }
-            @for (index, it) in all.iter().enumerate() { (finding(report, index, it)) }
+            @for (index, it) in all.iter().enumerate().filter(|(_, it)| !words::is_noise(it)) {
+                (finding(report, index, it))
+            }
+            @if all.iter().any(words::is_noise) {
+                h2 { (words::NOISE.trim_end_matches(':')) }
+                @for (index, it) in all.iter().enumerate().filter(|(_, it)| words::is_noise(it)) {
+                    (finding(report, index, it))
+                }
+            }
         }
     }
 }

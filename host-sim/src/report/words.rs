@@ -1,9 +1,9 @@
 //! The sentences of an explanation, for the terminal and for the page.
 use std::fmt::Write;
 
-use schuler_explain::catalogue::named;
+use schuler_explain::catalogue::{Effect, named};
 use schuler_explain::explanation::{BeforeAfter, Finding, Located, Member, Parameter, Remainder, Verdict};
-use schuler_explain::sentence::{of_stated, quoted as quoted_parameters, said};
+use schuler_explain::sentence::{begun, of_stated, quoted as quoted_parameters, said};
 use schuler_recording::error::rounded;
 
 use super::Report;
@@ -50,7 +50,7 @@ pub(super) fn finding(finding: &Finding, length_s: f64) -> String {
     let others: Vec<String> = others.iter().map(|it| parameter(it, false)).collect();
     let numbers = if numbers.is_empty() { String::new() } else { format!(": {}", numbers.join(", ")) };
     let others = if others.is_empty() { String::new() } else { format!(" ({})", others.join(", ")) };
-    format!("{}{said}{numbers}{others}.", when(finding.interval_s, length_s))
+    begun(&format!("{}{said}{numbers}{others}.", when(finding.interval_s, length_s)))
 }
 
 /// "From 3 h 12 min on, "; nothing for the whole recording.
@@ -220,7 +220,31 @@ pub(super) fn held_out(fit: &BeforeAfter) -> Option<String> {
     })
 }
 
-/// The summary for the terminal.
+/// What stands above the findings that are noise.
+pub(super) const NOISE: &str = "Noise, and readings far from the others:";
+
+/// Whether a finding is another random part.
+pub(super) fn is_noise(finding: &Finding) -> bool {
+    named(&finding.effect).is_some_and(Effect::is_noise)
+}
+
+/// How sure a finding is.
+fn evidence(finding: &Finding) -> String {
+    let (odds, sure) = (plain(finding.evidence.gain_nats, 3), sure(finding.evidence.p_value));
+    format!("Probability {sure}, log odds {odds} nats")
+}
+
+/// What is not plausible in a finding, and what else it may be.
+fn beside_a_finding(text: &mut Paragraphs, finding: &Finding) {
+    if let Some(warning) = implausible(finding) {
+        text.line(3, &warning);
+    }
+    for rival in rivals(finding.rivals()) {
+        text.line(3, &format!("It may be {rival}"));
+    }
+}
+
+/// The summary for the terminal: physics before noise.
 pub(super) fn text(report: &Report) -> String {
     let Report { recorded, explanation, .. } = report;
     let mut text = Paragraphs::default();
@@ -239,24 +263,21 @@ pub(super) fn text(report: &Report) -> String {
     );
     text.blank();
     text.line(0, verdict(explanation.verdict));
-    for (index, it) in explanation.findings.iter().enumerate() {
+    let (noise, others): (Vec<&Finding>, Vec<&Finding>) =
+        explanation.findings.iter().partition(|it| is_noise(it));
+    for (index, it) in others.into_iter().enumerate() {
         text.blank();
         text.line(0, &format!("{}. {}", index + 1, finding(it, recorded.length_s)));
-        text.line(
-            3,
-            &format!(
-                "Left out: {}. Probability {}, log odds {} nats.",
-                left_out(&it.effect),
-                sure(it.evidence.p_value),
-                plain(it.evidence.gain_nats, 3)
-            ),
-        );
-        if let Some(warning) = implausible(it) {
-            text.line(3, &warning);
-        }
-        for rival in rivals(it.rivals()) {
-            text.line(3, &format!("It may be {rival}"));
-        }
+        text.line(3, &format!("Left out: {}. {}.", left_out(&it.effect), evidence(it)));
+        beside_a_finding(&mut text, it);
+    }
+    if !noise.is_empty() {
+        text.blank();
+        text.line(0, NOISE);
+    }
+    for it in noise {
+        text.line(2, &format!("{} {}.", finding(it, recorded.length_s), evidence(it)));
+        beside_a_finding(&mut text, it);
     }
     if let Some(better) = held_out(&explanation.fit.held_out) {
         text.blank();

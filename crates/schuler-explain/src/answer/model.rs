@@ -27,7 +27,7 @@ pub fn model(after: &OverRows<'_>, findings: &[Finding], fit: &Fit) -> Model {
         let candidate = &problem.candidates[placed.term.candidate];
         match place.and_then(|place| Some((place, findings.get(place)?))) {
             Some((place, finding)) => {
-                let terms = terms_of(after, placed, amplitudes, (place, finding), &mut given);
+                let terms = terms_of(after, placed, amplitudes, &Told { index: place, finding }, &mut given);
                 model.terms.extend(terms);
             }
             None => model.left_out.push(LeftOut {
@@ -57,12 +57,18 @@ pub fn model(after: &OverRows<'_>, findings: &[Finding], fit: &Fit) -> Model {
     model
 }
 
+/// A finding with its index among all.
+struct Told<'t> {
+    index: usize,
+    finding: &'t Finding,
+}
+
 /// The terms of an effect: one for each amplitude and each sensor.
 fn terms_of(
     after: &OverRows<'_>,
     placed: &Placed,
     amplitudes: &[f64],
-    (place, finding): (usize, &Finding),
+    told: &Told<'_>,
     given: &mut Given,
 ) -> Vec<Term> {
     let (inputs, model) = (after.bench.problem.inputs, after.bench.problem.model);
@@ -88,9 +94,9 @@ fn terms_of(
                 Signal::product(vec![Factor::of(given.put(&format!("{id}_{output}"), "SI", &is, values))])
             });
             terms.push(Term {
-                finding: place,
-                effect: finding.effect.clone(),
-                sentence: finding.sentence.clone(),
+                finding: told.index,
+                effect: told.finding.effect.clone(),
+                sentence: told.finding.sentence.clone(),
                 output: output.clone(),
                 parameter: candidate.amplitudes.get(index).map_or_else(String::new, |it| it.name.clone()),
                 amplitude,

@@ -76,8 +76,8 @@ fn knots(rows: &[usize], count: usize) -> Vec<usize> {
     let last = rows.len().saturating_sub(1) as f64;
     let at = |k: usize| {
         let part = (k as f64 + 0.5) / count as f64;
-        let place = 0.5 * (1.0 - (std::f64::consts::PI * part).cos());
-        rows.get((place * last).round() as usize).copied()
+        let depth = 0.5 * (1.0 - (std::f64::consts::PI * part).cos());
+        rows.get((depth * last).round() as usize).copied()
     };
     let mut knots: Vec<usize> = (0..count).filter_map(at).collect();
     knots.dedup();

@@ -5,7 +5,7 @@
 use rayon::prelude::*;
 
 use super::library::{Offer, placed};
-use super::moves::{touched_by, with_placed};
+use super::moves::with_placed;
 use crate::catalogue::{Candidate, Search};
 use crate::description::sensors_of;
 use crate::evidence::fit::{Bench, Description, Placed};
@@ -13,23 +13,31 @@ use crate::search::beside::Beside;
 
 /// The description in which what sensors have in common is told once, where that is better.
 pub fn with_common(bench: &Bench<'_>, description: &Description) -> Option<Description> {
-    let mut best: Option<Description> = None;
+    let mut best = description.clone();
+    let mut is_better = false;
     loop {
-        let from = best.as_ref().unwrap_or(description);
-        let shared: Vec<Description> =
-            moves(bench, from).par_iter().filter_map(|shared| shared.of(bench, from)).collect();
-        let found = shared.into_iter().max_by(|a, b| a.ln_evidence.total_cmp(&b.ln_evidence));
-        match found.filter(|found| found.ln_evidence > from.ln_evidence) {
-            Some(better) => best = Some(better),
-            None => return best,
+        let gain = |shared: Shared| {
+            let gain = shared.of(bench, &best)?.ln_evidence - best.ln_evidence;
+            (gain > 0.0).then_some((gain, shared))
+        };
+        let mut found: Vec<(f64, Shared)> = moves(bench, &best).into_par_iter().filter_map(gain).collect();
+        if found.is_empty() {
+            return is_better.then_some(best);
+        }
+        found.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.candidate.cmp(&b.1.candidate)));
+        for (_, shared) in found {
+            let with = shared.of(bench, &best).filter(|with| with.ln_evidence > best.ln_evidence);
+            if let Some(with) = with {
+                (best, is_better) = (with, true);
+            }
         }
     }
 }
 
 /// An item that one more sensor has as well.
 struct Shared {
-    /// The item's place, and that of the other sensor's own item, which goes.
-    places: Vec<usize>,
+    /// Candidate and time or frequency of the item, and of the other sensor's own one; both go.
+    items: Vec<(usize, f64)>,
     /// The candidate of all its sensors.
     candidate: usize,
     /// Its time or frequency.
@@ -38,19 +46,18 @@ struct Shared {
 }
 
 impl Shared {
+    /// A description with it, fitted; none where that lacks one of the items.
     fn of(&self, bench: &Bench<'_>, description: &Description) -> Option<Description> {
         let mut rest = description.clone();
-        let mut place = 0;
-        rest.placed.retain(|_| {
-            place += 1;
-            !self.places.contains(&(place - 1))
-        });
-        let blocks: Vec<usize> =
-            self.places.iter().flat_map(|&place| touched_by(&description.placed[place])).collect();
-        let rest = bench.fitted(&rest, &blocks)?;
+        for item in &self.items {
+            let is_it = |placed: &Placed| {
+                placed.term.candidate == item.0 && placed.term.nonlinear.first() == Some(&item.1)
+            };
+            rest.placed.remove(rest.placed.iter().position(is_it)?);
+        }
         let beside = Beside::as_trusted(bench, &rest)?;
         let Self { candidate, at, ln_spread, .. } = *self;
-        let offer = Offer { candidate, ln_gain: 0.0, blocks, point: vec![at], ln_spread };
+        let offer = Offer { candidate, ln_gain: 0.0, blocks: Vec::new(), point: vec![at], ln_spread };
         with_placed(bench, &rest, &placed(&beside, &offer)?)
     }
 }
@@ -61,30 +68,30 @@ fn moves(bench: &Bench<'_>, description: &Description) -> Vec<Shared> {
     let problem = bench.problem;
     let ln_in_common = problem.config.in_common.ln();
     let mut all = Vec::new();
-    for (place, own) in description.placed.iter().enumerate() {
+    for own in &description.placed {
         let candidate = &problem.candidates[own.term.candidate];
-        let Some(at) = place_of(candidate, own) else { continue };
+        let Some(at) = at_of(candidate, own) else { continue };
         for (number, wider) in problem.candidates.iter().enumerate() {
             let Some(sensor) = one_more(candidate, wider) else { continue };
-            let shared = |other: Option<usize>, at: f64| {
-                let of_other = other.map_or(own.ln_spread, |other| description.placed[other].ln_spread);
-                Shared {
-                    places: std::iter::once(place).chain(other).collect(),
-                    candidate: number,
-                    at,
-                    ln_spread: own.ln_spread.min(of_other) + ln_in_common,
-                }
+            let shared = |other: Option<(&Placed, f64)>, at_both: f64| Shared {
+                items: (std::iter::once((own.term.candidate, at)))
+                    .chain(other.map(|(other, there)| (other.term.candidate, there)))
+                    .collect(),
+                candidate: number,
+                at: at_both,
+                ln_spread: other.map_or(own.ln_spread, |(other, _)| other.ln_spread.min(own.ln_spread))
+                    + ln_in_common,
             };
-            let of_sensor = |(other, placed): (usize, &Placed)| {
+            let of_sensor = |placed: &Placed| {
                 let its = &problem.candidates[placed.term.candidate];
                 let is_of_it = its.effect.id == candidate.effect.id && sensors_of(its) == [sensor];
-                Some((other, place_of(its, placed).filter(|_| is_of_it)?))
+                at_of(its, placed).filter(|_| is_of_it)
             };
-            let nearest = (description.placed.iter().enumerate().filter_map(of_sensor))
+            let nearest = (description.placed.iter().filter_map(|it| Some((it, of_sensor(it)?))))
                 .min_by(|a, b| (a.1 - at).abs().total_cmp(&(b.1 - at).abs()));
             all.push(shared(None, at));
             if let Some((other, there)) = nearest {
-                all.extend([at, there].map(|at| shared(Some(other), at)));
+                all.extend([at, there].map(|at| shared(Some((other, there)), at)));
             }
         }
     }
@@ -92,9 +99,9 @@ fn moves(bench: &Bench<'_>, description: &Description) -> Vec<Shared> {
 }
 
 /// The time of a step or the frequency of a line; none of other effects.
-fn place_of(candidate: &Candidate, placed: &Placed) -> Option<f64> {
-    let has_place = matches!(candidate.search, Search::Onset(_) | Search::Frequency);
-    placed.term.nonlinear.first().copied().filter(|_| has_place)
+fn at_of(candidate: &Candidate, placed: &Placed) -> Option<f64> {
+    let is_shape = matches!(candidate.search, Search::Onset(_) | Search::Frequency);
+    placed.term.nonlinear.first().copied().filter(|_| is_shape)
 }
 
 /// The sensor that a candidate has more than another one of the same effect.

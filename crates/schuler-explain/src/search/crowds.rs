@@ -28,17 +28,17 @@ pub fn resolved<'b>(bench: &Bench<'b>, description: &Description) -> Option<(Ben
         let middle = crowd.lines.iter().map(|(_, omega)| omega).sum::<f64>() / crowd.lines.len() as f64;
         resolved.get_mut(crowd.block)?.push(middle);
     }
-    let lines = crowds.iter().flat_map(|crowd| crowd.lines.iter().map(|(place, _)| *place));
+    let lines = crowds.iter().flat_map(|crowd| crowd.lines.iter().map(|(index, _)| *index));
     let lines: Vec<usize> = lines.collect();
     if lines.is_empty() {
         return None;
     }
     let narrow = Bench::new(bench.problem, &description.noises, resolved);
     let mut rest = description.clone();
-    let mut place = 0;
+    let mut index = 0;
     rest.placed.retain(|_| {
-        place += 1;
-        !lines.contains(&(place - 1))
+        index += 1;
+        !lines.contains(&(index - 1))
     });
     let rest = narrow.fitted_whole(&whitened_again(&narrow, &rest))?;
     Some((narrow, rest))
@@ -47,25 +47,25 @@ pub fn resolved<'b>(bench: &Bench<'b>, description: &Description) -> Option<(Ben
 /// Lines of a block in one band.
 struct Crowd {
     block: usize,
-    /// Places among the effects of the description, and frequencies, rad a row.
+    /// Indices among the effects of the description, and frequencies, rad a row.
     lines: Vec<(usize, f64)>,
 }
 
 fn crowds(bench: &Bench<'_>, description: &Description) -> Vec<Crowd> {
     let mut lines: Vec<(usize, usize, usize, f64)> = Vec::new();
-    for (place, placed) in description.placed.iter().enumerate() {
+    for (index, placed) in description.placed.iter().enumerate() {
         let (Some(omega), &[block]) = (omega_of(bench, placed), &*touched_by(placed)) else { continue };
         let Some(layout) = bench.sums[block].as_ref().map(|sums| &sums.layout) else { continue };
         let band = layout.band_of(omega);
         if layout.count[band] > NARROW {
-            lines.push((block, band, place, omega));
+            lines.push((block, band, index, omega));
         }
     }
     lines.sort_by_key(|(block, band, ..)| (*block, *band));
     let of_band = lines.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).filter(|crowd| crowd.len() >= CROWD);
     let of = |crowd: &[(usize, usize, usize, f64)]| {
         let &(block, ..) = crowd.first()?;
-        Some(Crowd { block, lines: crowd.iter().map(|&(_, _, place, omega)| (place, omega)).collect() })
+        Some(Crowd { block, lines: crowd.iter().map(|&(_, _, index, omega)| (index, omega)).collect() })
     };
     of_band.filter_map(of).collect()
 }

@@ -86,13 +86,14 @@ impl Given {
         self.put_column(&format!("recorded_{column}"), &auxiliary.unit, &is, Some(column), values)
     }
 
-    /// Components of vectors along a direction.
+    /// Components along a direction of a vector, of which name, unit and what it is are given.
     pub fn along(
         &mut self,
-        (name, unit, is): (&str, &str, &str),
+        vector: (&str, &str, &str),
         direction: &Vector3<f64>,
         vectors: &[Series; 3],
     ) -> Vec<Weighted> {
+        let (name, unit, is) = vector;
         let axes = ["x", "y", "z"].iter().zip(direction.iter()).zip(vectors);
         let parts = axes.filter(|((_, weight), _)| **weight != 0.0);
         parts
