@@ -8,6 +8,7 @@ use schuler_explain::catalogue::{HAS_NO_TERM, InFlight};
 use schuler_explain::config::Config;
 use schuler_explain::explain::explain;
 use schuler_explain::explanation::{Explanation, Finding};
+use schuler_explain::export::compensation::{Stations, deploy};
 use schuler_explain::inputs::series::lagged;
 use schuler_recording::Recording;
 
@@ -188,8 +189,7 @@ fn the_flight_module_has_no_term_for_it() {
     let effect = schuler_explain::catalogue::named("torsion");
     assert!(effect.is_none());
     let explanation = said(&recording);
-    let exported =
-        schuler_explain::export::compensation::deploy(&explanation, &recording, &Default::default());
+    let exported = deploy(&explanation, &recording, &Stations::default());
     let InFlight::Never(because) = HAS_NO_TERM else { panic!("a term") };
     let of_it = exported.findings.iter().find(|it| it.effect == "torsion").unwrap();
     assert_eq!(of_it.because.as_deref(), Some(because));

@@ -252,7 +252,7 @@ def test_wrong_cases(tmp_path: Path) -> None:
         schuler.explain(tmp_path / "absent.toml")
     broken = tmp_path / "broken.toml"
     broken.write_text('format = "schuler-case/1"\n[recording]\npath = 5\n')
-    with pytest.raises(ValueError, match=r"broken\.toml:2: recording\.time: missing; expected .* \(and 1 more\)$"):
+    with pytest.raises(ValueError, match=r"broken\.toml:2: recording\.time: missing, as is step_s; expected .* \(and 1 more\)$"):
         schuler.explain(broken)
     with pytest.raises(ValueError, match=r"probability: found 2; expected a probability between 0 and 1$"):
         schuler.explain(case(), arrays(1), probability=2.0)

@@ -92,7 +92,10 @@ fn every_mistake_is_named_by_file_line_field_and_place() {
             "case.toml:21: effect[0].formula: character 5: found the function \"sine\"; expected one of sin, cos, exp, log, \
              sqrt, abs, sign, min, max, d, lag, delay, step; did you mean \"sin\"?",
         ),
-        (with("k * (T"), "case.toml:21: effect[0].formula: character 7: found the end; expected \")\""),
+        (
+            with("k * (T"),
+            "case.toml:21: effect[0].formula: character 7: found the end; expected \"(\", \")\", \"*\", \"**\", \"+\", \"-\", \"/\", \"^\"",
+        ),
         (
             with("k * lag(T)"),
             "case.toml:21: effect[0].formula: character 5: found lag of 1; expected lag of 2 arguments",

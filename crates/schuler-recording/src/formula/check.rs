@@ -1,6 +1,6 @@
 //! Which names of a formula are amplitudes, and whether it is linear in them.
 //!
-//! A name that is neither a column, [`INPUT`](super::INPUT), [`TIME`](super::TIME) nor a parameter with a range is an amplitude. What the
+//! A name that is neither a column, [`INPUT`], [`TIME`] nor a parameter with a range is an amplitude. What the
 //! formula adds is found by least squares, so it must be a sum of amplitudes times what has none: 0 where all of them are 0.
 use super::{Expression, Formula, Function, INPUT, Mistake, Node, Operator, TIME};
 use crate::document::suggestion;
