@@ -54,6 +54,7 @@ pub(crate) struct AdaptiveRun {
 /// parameter may lie from the data sheet, as a factor. prior_width: 1 σ of ln(parameter) about the data sheet.
 /// velocity_range: velocity errors beyond it are not used, m/s.
 #[pyclass(module = "schuler")]
+#[derive(Clone)]
 pub(crate) struct AdaptiveFilter {
     module: Box<FlightModule>,
     config: ModuleConfig,
@@ -63,6 +64,14 @@ pub(crate) struct AdaptiveFilter {
 
 #[pymethods]
 impl AdaptiveFilter {
+    fn __copy__(&self) -> Self {
+        self.clone()
+    }
+
+    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Self {
+        self.clone()
+    }
+
     #[new]
     #[pyo3(signature = (config, *, method="likelihood", first_s=9600.0, interval_s=5400.0, limit_factor=1000.0,
         prior_width=2.3, velocity_range=1000.0))]

@@ -2,6 +2,7 @@
 use nalgebra::RealField;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
 use schuler_core::filter::{self as core, DiscreteModel, Gaussian, Kernel};
 
 use crate::input::{array1, array2, misconfigured, vector, wrong};
@@ -23,6 +24,11 @@ impl MarkovNoise {
     #[new]
     fn new(sigma: f64, tau_s: f64) -> Self {
         Self { sigma, tau_s }
+    }
+
+    /// What pickle and copy make it anew from.
+    fn __getnewargs__(&self) -> (f64, f64) {
+        (self.sigma, self.tau_s)
     }
 
     fn __repr__(&self) -> String {
@@ -86,6 +92,25 @@ impl FilterConfig {
         };
         config.of::<f64>().validate().map_err(misconfigured)?;
         Ok(config)
+    }
+
+    /// What pickle and copy make it anew from.
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
+        let keywords = PyDict::new(py);
+        keywords.set_item("accelerometer", self.accelerometer)?;
+        keywords.set_item("gyro", self.gyro)?;
+        for (name, value) in [
+            ("velocity_noise", self.velocity_noise),
+            ("step_s", self.step_s),
+            ("radius_m", self.radius_m),
+            ("gravity", self.gravity),
+            ("initial_velocity_sigma", self.initial_velocity_sigma),
+            ("initial_vertical_sigma", self.initial_vertical_sigma),
+            ("gate_sigma", self.gate_sigma),
+        ] {
+            keywords.set_item(name, value)?;
+        }
+        Ok((PyTuple::empty(py), keywords))
     }
 
     fn __repr__(&self) -> String {
@@ -186,6 +211,7 @@ pub(crate) struct FilterRun {
 }
 
 /// A filter with its model, which the filter itself keeps to itself.
+#[derive(Clone)]
 struct Modelled<T: RealField + Copy> {
     filter: core::ErrorFilter<T>,
     model: DiscreteModel<T>,
@@ -250,6 +276,7 @@ fn symmetric(triangle: [f64; 10]) -> [[f64; 4]; 4] {
 }
 
 #[expect(clippy::large_enum_variant, reason = "there is one, on Python's heap")]
+#[derive(Clone)]
 enum Inner {
     Double(Modelled<f64>),
     Single(Modelled<f32>),
@@ -269,8 +296,9 @@ macro_rules! either {
 /// measured velocity errors.
 ///
 /// precision: "double", or "single" as it flies. discretisation: "exact", or "third_order" as the golden numbers have
-/// it. An object is for one thread at a time: a second one gets a RuntimeError.
+/// it. An object is for one thread at a time: a second one gets a RuntimeError. A copy goes on by itself from where the filter was.
 #[pyclass(module = "schuler")]
+#[derive(Clone)]
 pub(crate) struct ErrorFilter {
     inner: Inner,
 }
@@ -296,6 +324,14 @@ impl ErrorFilter {
             }
         };
         Ok(Self { inner })
+    }
+
+    fn __copy__(&self) -> Self {
+        self.clone()
+    }
+
+    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Self {
+        self.clone()
     }
 
     /// Predict one step, then correct by a measured velocity error, m/s; None, NaN or an infinity is none.

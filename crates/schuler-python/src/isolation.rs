@@ -75,6 +75,11 @@ impl GyroBlock {
         })
     }
 
+    /// What pickle and copy make it anew from.
+    fn __getnewargs__(&self, py: Python<'_>) -> PyResult<(Py<PyArray2<f64>>, Py<PyArray1<f64>>)> {
+        Ok((self.axes(py)?, self.sigma(py)))
+    }
+
     /// Unit input axes, one row a gyro; shape (5, 3).
     #[getter]
     fn axes(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f64>>> {
@@ -272,6 +277,7 @@ pub(crate) struct IsolationRun {
 /// (5,); without it 1e-7. range, offset, offset_limit, rate_limit: rad/s. false_alarm_interval, persistence and what
 /// ends in _samples: samples. margin: lead of the likeliest gyro. relative_error: of scale and alignment.
 #[pyclass(module = "schuler")]
+#[derive(Clone)]
 pub(crate) struct FaultIsolation {
     inner: core::FaultIsolation,
 }
@@ -319,6 +325,14 @@ impl FaultIsolation {
         };
         let inner = core::FaultIsolation::try_build(&config).map_err(misconfigured)?;
         Ok(Self { inner })
+    }
+
+    fn __copy__(&self) -> Self {
+        self.clone()
+    }
+
+    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Self {
+        self.clone()
     }
 
     /// Take as many samples as there are rows; the state goes on from where it was.
