@@ -2,6 +2,7 @@
 use nalgebra::{SVector, Vector3};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
+use pyo3::types::PyTuple;
 use schuler_core::isolation::determinants::FiveDeterminants;
 use schuler_core::isolation::parity::{GYROS, ParitySpace};
 use schuler_core::isolation::projector::OrthogonalProjector;
@@ -76,8 +77,8 @@ impl GyroBlock {
     }
 
     /// What pickle and copy make it anew from.
-    fn __getnewargs__(&self, py: Python<'_>) -> PyResult<(Py<PyArray2<f64>>, Py<PyArray1<f64>>)> {
-        Ok((self.axes(py)?, self.sigma(py)))
+    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        (self.axes(py)?, self.sigma(py)).into_pyobject(py)
     }
 
     /// Unit input axes, one row a gyro; shape (5, 3).
