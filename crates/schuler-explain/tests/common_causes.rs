@@ -154,3 +154,28 @@ fn a_vibration_whose_frequency_wanders_is_one_noise() {
         is_told(finding, "sigma", SIGMA);
     }
 }
+
+/// Lines of one band are lines still where the bands about them are made narrow.
+#[test]
+fn two_lines_in_one_band_stay_two_lines() {
+    const FREQUENCIES_HZ: [f64; 2] = [0.2503, 0.2561];
+    for seed in 1..=SEEDS {
+        let line = |hz: f64, row: usize| 0.3 * (TAU * hz * row as f64).cos();
+        let both = |row: usize| FREQUENCIES_HZ.map(|hz| line(hz, row)).iter().sum::<f64>();
+        let explanation =
+            explained("two_lines", seed, |sensor, row| if sensor == 1 { both(row) } else { 0.0 });
+        let told: Vec<(&str, &str)> =
+            explanation.findings.iter().map(|it| (it.effect.as_str(), it.sensor.as_str())).collect();
+        assert_eq!(told, [("periodic_line", "ay"); 2]);
+        for hz in FREQUENCIES_HZ {
+            let distance = |finding: &&Finding| {
+                let frequency = finding.parameters.iter().find(|it| it.name == "frequency_hz");
+                (frequency.and_then(|it| it.value).unwrap_or(f64::NAN) - hz).abs()
+            };
+            let nearest =
+                explanation.findings.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).expect("two");
+            is_told(nearest, "frequency_hz", hz);
+            is_told(nearest, "a", 0.3);
+        }
+    }
+}
