@@ -7,10 +7,9 @@ use schuler_explain::export::model::given::word;
 use schuler_explain::export::model::signal::{Memory, Signal};
 
 use crate::physics::environment::Environment;
+use crate::physics::heat::Lag;
 use crate::physics::motion::Kinematics;
 use crate::scenario::Scenario;
-
-use crate::physics::heat::Lag;
 
 /// A fitted term.
 #[derive(Clone, Debug, PartialEq)]

@@ -4,7 +4,7 @@
 use serde::ser::SerializeStruct;
 use serde::{Serialize, Serializer};
 
-use crate::catalogue::{Effect, named};
+use crate::catalogue::{Effect, IN_COMMON, named};
 
 /// What the format's key `format` says.
 pub const FORMAT: &str = "schuler-explanation/2";
@@ -29,9 +29,6 @@ pub struct Explanation {
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
 }
-
-/// What stands between the names of sensors that have something in common.
-pub(crate) const IN_COMMON: &str = ", ";
 
 /// What came of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

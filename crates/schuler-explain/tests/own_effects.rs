@@ -9,7 +9,6 @@ use schuler_explain::config::Config;
 use schuler_explain::explain::explain;
 use schuler_explain::explanation::{Explanation, Finding};
 use schuler_explain::export::compensation::{Stations, deploy};
-use schuler_explain::inputs::series::lagged;
 use schuler_recording::Recording;
 
 const ROWS: usize = 6000;
@@ -87,9 +86,16 @@ fn nothing(rate: &[f64], _: &[f64]) -> Vec<f64> {
 }
 
 fn torsion(rate: &[f64], temperature: &[f64]) -> Vec<f64> {
-    let time_s: Vec<f64> = times().collect();
-    let late = lagged(&time_s, temperature, TAU_S);
-    late.iter().zip(rate).map(|(late, rate)| K * late * rate).collect()
+    // τ Ṫ_lag = T − T_lag over a step in which T goes straight, which is exact; at rest before the first row.
+    let kept = (-STEP_S / TAU_S).exp();
+    let mut late = temperature[0];
+    let mut added = vec![K * late * rate[0]];
+    for (pair, rate) in temperature.windows(2).zip(&rate[1..]) {
+        let slope = (pair[1] - pair[0]) / STEP_S;
+        late = pair[1] - slope * TAU_S + (late - pair[0] + slope * TAU_S) * kept;
+        added.push(K * late * rate);
+    }
+    added
 }
 
 fn said(recording: &Recording) -> Explanation {
@@ -141,9 +147,8 @@ fn the_catalogue_competes() {
 fn several_amplitudes_have_a_value_each() {
     let effect = "[[effect]]\nid = \"drag\"\nformula = \"a * rate * abs(rate) + b * d(temp) * u\"\n\
                   acts_on = [\"gyro_x\"]\n";
-    let explanation = said(&recorded(effect, 7, |rate, temperature| {
-        let time_s: Vec<f64> = times().collect();
-        let slope = schuler_explain::inputs::series::derivative(&time_s, temperature);
+    let explanation = said(&recorded(effect, 7, |rate, _| {
+        let slope = times().map(|t| 0.5 * (0.05 * t).cos() - 0.63 * (0.21 * t).sin());
         rate.iter().zip(slope).map(|(rate, slope)| 1e-5 * rate * rate.abs() + 3e-3 * slope * rate).collect()
     }));
     let finding = explanation.findings.iter().find(|it| it.effect == "drag");

@@ -3,9 +3,9 @@ use schuler_recording::case::SensorKind;
 use schuler_recording::unit::{Dimension, STANDARD_GRAVITY, Unit};
 
 use super::{
-    AT_MEAN, AT_START, Amplitude, Candidate, Column, Effect, Nonlinear, Port, Search, Signature, Target,
+    AT_MEAN, AT_START, Amplitude, Candidate, Column, Effect, IN_COMMON, Nonlinear, Port, Search, Signature,
+    Target,
 };
-use crate::explanation::IN_COMMON;
 use crate::inputs::series::{Series, map};
 use crate::inputs::{Inputs, Place};
 

@@ -82,12 +82,20 @@ pub struct Candidate {
 }
 
 impl Candidate {
+    /// Whether it is a shape sought at every time or frequency that several sensors have in common, with an amplitude of each.
+    pub fn is_in_common(&self) -> bool {
+        let is_shape = matches!(self.search, Search::Onset(_) | Search::Frequency);
+        is_shape && matches!(self.target, Target::Group { .. })
+    }
+
     /// Whether it is a mean that jumps on and off.
     pub fn is_jump(&self) -> bool {
         matches!(self.search, Search::Readings(ReadingFault::IntermittentJump))
     }
 }
 
+/// What stands between the names of sensors that have something in common.
+pub(crate) const IN_COMMON: &str = ", ";
 /// Name of the amplitude of what decays from a start that nobody knows.
 pub const AT_START: &str = "at_start";
 /// What an effect whose reference is not known adds at the mean.

@@ -40,6 +40,7 @@ mod unnamed;
 mod user;
 
 pub(crate) use additive::schuler_rate;
+pub(crate) use effect::IN_COMMON;
 pub use effect::{
     AT_MEAN, AT_START, Amplitude, Candidate, Column, Effect, NoiseChange, Nonlinear, OnsetShape, Port,
     ReadingFault, Search, Signature, SignatureOf, Target, share_equal_series,

@@ -146,11 +146,7 @@ fn ln_prior(candidates: &[Candidate], config: &Config) -> Vec<f64> {
         (candidate.effect.id, sensors_of(candidate), port)
     };
     let mut variants: HashMap<_, f64> = HashMap::new();
-    let is_common = |candidate: &Candidate| {
-        let is_shape = matches!(candidate.search, Search::Onset(_) | Search::Frequency);
-        is_shape && matches!(candidate.target, Target::Group { .. })
-    };
-    for candidate in candidates.iter().filter(|it| !is_common(it)) {
+    for candidate in candidates.iter().filter(|it| !it.is_in_common()) {
         *variants.entry(pair(candidate)).or_default() += 1.0;
     }
     let pairs = variants.len().max(1) as f64;
