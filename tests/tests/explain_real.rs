@@ -167,6 +167,24 @@ fn shared(findings: &[Finding], estimate: &Value) -> (f64, f64) {
     parts.fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1))
 }
 
+/// What other steps of the same sensor add to an estimate of how far its level changes within a tenth of a second, the time that
+/// the calculation averages over, and their variance, in SI.
+fn within_the_change(findings: &[Finding], finding: &Finding, estimate: &Value) -> (f64, f64) {
+    const CHANGE_S: f64 = 0.1;
+    let Some(change_s) = estimate["onset_s"].as_f64() else { return (0.0, 0.0) };
+    let number = |finding: &Finding, name: &str| {
+        finding.parameters.iter().find(|parameter| parameter.name == name).and_then(value_in_si)
+    };
+    let others = findings.iter().filter(|other| {
+        let onset_s = number(other, "onset_s").map_or(f64::INFINITY, |(onset_s, _)| onset_s);
+        !std::ptr::eq(*other, finding)
+            && (&other.sensor, &other.effect) == (&finding.sensor, &finding.effect)
+            && (onset_s - change_s).abs() <= CHANGE_S
+    });
+    let parts = others.filter_map(|other| number(other, "coefficient"));
+    parts.fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1.powi(2)))
+}
+
 /// Distance in combined standard deviations to the nearest independent estimate of the same parameter.
 fn distance(
     independent: &Independent,
@@ -190,7 +208,9 @@ fn distance(
         let factor = in_si(estimate["unit"].as_str()?)?;
         let (theirs, spread) = (estimate["value"].as_f64()? * factor, estimate["sigma"].as_f64()? * factor);
         let (more, variance) = shared(findings, estimate);
-        Some((value + more - theirs).abs() / (sigma * sigma + variance + spread * spread).sqrt())
+        let (steps, of_steps) = within_the_change(findings, finding, estimate);
+        let apart = (value + more + steps - theirs).abs();
+        Some(apart / (sigma * sigma + variance + of_steps + spread * spread).sqrt())
     });
     distances.min_by(f64::total_cmp)
 }
@@ -232,8 +252,15 @@ fn comparable(finding: &Finding, parameter: &Parameter) -> bool {
 fn disagreements(case: &str, independent: &Independent, explanation: &Explanation) -> Vec<String> {
     let (mut wrong, findings) = (Vec::new(), explanation.findings.as_slice());
     for finding in findings {
-        let is_right = |member: &Member| {
-            independent.names.get(&member.sensor).is_some_and(|names| names.contains(&member.effect))
+        let is_of = |sensor: &String, effect: &String| {
+            independent.names.get(sensor).is_some_and(|names| names.contains(effect))
+        };
+        // What sensors have in common must be right of each of them.
+        let is_right = |member: &Member| match finding.sensors.as_slice() {
+            sensors if !sensors.is_empty() && member.sensor == finding.sensor => {
+                sensors.iter().all(|sensor| is_of(sensor, &member.effect))
+            }
+            _ => is_of(&member.sensor, &member.effect),
         };
         if !finding.class.iter().any(is_right) {
             wrong.push(format!("{case}: WRONG NAME: {}", described(independent, findings, finding)));
