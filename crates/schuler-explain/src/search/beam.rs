@@ -62,7 +62,7 @@ impl Kept {
     ) {
         let config = bench.problem.config;
         loop {
-            self.known.sort_by(|a, b| b.1.ln_evidence.total_cmp(&a.1.ln_evidence).then(a.0.cmp(&b.0)));
+            self.ascend(bench, library, ends);
             if ends(bench, &self.known[0].1) {
                 return;
             }
@@ -80,16 +80,34 @@ impl Kept {
             let mut bases = neighbours_below(bench, &description);
             let mut found: Vec<Description> = bases.iter().map(|(base, _)| base.clone()).collect();
             bases.push((description, all_blocks(bench)));
-            for (base, mut among) in bases {
-                among.retain(|&block| items_in(bench, &base, block) < config.most_items);
+            for (base, among) in bases {
+                let among = with_room(bench, &base, among);
                 if !among.is_empty() && self.extended.insert((structure(&base), among.clone())) {
                     found.extend(with_one_more(bench, library, &self.parts, &base, &among, best));
                 }
             }
-            found.retain(|it| {
-                all_blocks(bench).into_iter().all(|block| items_in(bench, it, block) <= config.most_items)
-            });
-            self.take(found);
+            self.take(bench, found);
+        }
+    }
+
+    /// Adds to the best what makes it better until nothing does. What takes the place of an item is sought from there on alone: below
+    /// it what is missing would decide.
+    fn ascend(
+        &mut self,
+        bench: &Bench<'_>,
+        library: &[Shelf],
+        ends: &dyn Fn(&Bench<'_>, &Description) -> bool,
+    ) {
+        loop {
+            let (of, best) = self.known[0].clone();
+            let among = with_room(bench, &best, all_blocks(bench));
+            let is_new = !among.is_empty() && self.extended.insert((of, among.clone()));
+            if !is_new || bench.problem.watch.is_cancelled() || ends(bench, &best) {
+                return;
+            }
+            let mut found = with_one_more(bench, library, &self.parts, &best, &among, best.ln_evidence);
+            found.extend(together(bench, &best, &found));
+            self.take(bench, found);
         }
     }
 
@@ -97,7 +115,7 @@ impl Kept {
     fn share(&mut self, bench: &Bench<'_>) -> bool {
         let found = with_common(bench, &self.known[0].1);
         let is_better = found.is_some();
-        self.take(found.into_iter().collect());
+        self.take(bench, found.into_iter().collect());
         is_better
     }
 
@@ -112,13 +130,17 @@ impl Kept {
         let found: Vec<Description> =
             bases.par_iter().flat_map_iter(|(base, among)| with_telegraph(bench, base, among)).collect();
         let is_better = found.iter().any(|it| it.ln_evidence > best.ln_evidence);
-        self.take(found);
+        self.take(bench, found);
         is_better
     }
 
-    /// Takes descriptions in, of each structure the best.
-    fn take(&mut self, found: Vec<Description>) {
+    /// Takes descriptions in that have not too many items, of each structure the best; the best come first.
+    fn take(&mut self, bench: &Bench<'_>, found: Vec<Description>) {
+        let most = bench.problem.config.most_items;
         for description in found {
+            if all_blocks(bench).into_iter().any(|block| items_in(bench, &description, block) > most) {
+                continue;
+            }
             let of = structure(&description);
             match self.known.iter_mut().find(|(known, _)| *known == of) {
                 Some((_, other)) if other.ln_evidence < description.ln_evidence => *other = description,
@@ -126,6 +148,7 @@ impl Kept {
                 None => self.known.push((of, description)),
             }
         }
+        self.known.sort_by(|a, b| b.1.ln_evidence.total_cmp(&a.1.ln_evidence).then(a.0.cmp(&b.0)));
     }
 }
 
@@ -135,6 +158,40 @@ fn items_in(bench: &Bench<'_>, description: &Description, block: usize) -> usize
         .into_iter()
         .filter(|&item| reached_by(bench, description, item).contains(&block))
         .count()
+}
+
+/// Those of some blocks in which a description may have another item.
+fn with_room(bench: &Bench<'_>, description: &Description, mut among: Vec<usize>) -> Vec<usize> {
+    among.retain(|&block| items_in(bench, description, block) < bench.problem.config.most_items);
+    among
+}
+
+/// A description with the best of what others have more than it in each block, where those are several.
+fn together(bench: &Bench<'_>, description: &Description, others: &[Description]) -> Option<Description> {
+    let is_better = |other: &&Description| other.ln_evidence > description.ln_evidence;
+    let mut better: Vec<&Description> = others.iter().filter(is_better).collect();
+    better.sort_by(|a, b| b.ln_evidence.total_cmp(&a.ln_evidence));
+    let (mut whole, mut touched, mut added) = (description.clone(), Vec::new(), 0);
+    for other in better {
+        let more = items(other).into_iter().filter(|item| match item {
+            Item::Placed(place) => *place >= description.placed.len(),
+            Item::Change(place) => *place >= description.changes.len(),
+        });
+        let reached: Vec<usize> = more.flat_map(|item| reached_by(bench, other, item)).collect();
+        if reached.iter().any(|block| touched.contains(block)) {
+            continue;
+        }
+        whole.placed.extend_from_slice(&other.placed[description.placed.len()..]);
+        whole.changes.extend_from_slice(&other.changes[description.changes.len()..]);
+        for &block in &reached {
+            for &source in &bench.problem.model.blocks[block].sources {
+                whole.noises[source] = other.noises[source].clone();
+            }
+        }
+        touched.extend(reached);
+        added += 1;
+    }
+    if added < 2 { None } else { bench.fitted(&whole, &touched) }
 }
 
 /// The blocks that have sums.
