@@ -71,70 +71,137 @@ impl Observed<'_> {
         bands.map(of).sum()
     }
 
-    /// Gradient and information of the logarithms of the free parameters.
+    /// Gradient and information of the logarithms of the free parameters, where the noises are those `at`.
     ///
     /// A source at place p adds its spectrum times v_p v_pᵀ to the covariance C of the channels, so that with A = Vᵀ C⁻¹ V and
     /// B = Vᵀ C⁻¹ R C⁻¹ V a change of the spectrum by δ changes the likelihood by ½ δ (ω B_pp − K A_pp), and two by the information
     /// ½ K A_pq² δ δ′.
-    fn derivatives(&self, noises: &[Noise], free: &[SourceKnob]) -> Option<(DVector<f64>, DMatrix<f64>)> {
-        let (sums, block) = (self.sums, self.block);
-        let reaches = self.reaches(noises)?;
-        let place_of = |source: usize| block.sources.iter().position(|&own| own == source);
-        let places: Vec<usize> = free.iter().map(|&(source, _)| place_of(source)).collect::<Option<_>>()?;
-        let raised: Vec<Noise> = free.iter().map(|&knob| raised(noises, knob)).collect();
-        let (size, width) = (free.len(), sums.width() as f64);
+    fn derivatives(&self, at: &At, free: &Free) -> (DVector<f64>, DMatrix<f64>) {
+        let sums = self.sums;
+        let raised: Vec<Vec<f64>> =
+            (free.knobs.iter()).map(|&knob| self.spectrum(&raised(&at.noises, knob))).collect();
+        let (size, width) = (free.knobs.len(), sums.width() as f64);
         let (mut gradient, mut information) = (DVector::zeros(size), DMatrix::zeros(size, size));
-        for (band, reach) in reaches.iter().enumerate() {
-            let (omega, base, count) = (sums.layout.omega[band], sums.base[band], sums.layout.count[band]);
+        for (band, reach) in at.reaches.iter().enumerate() {
+            let (base, count) = (sums.base[band], sums.layout.count[band]);
             let believed = if self.nu.is_infinite() { 1.0 } else { self.nu / (self.nu + count * width) };
             let weight = trust::weight(count, width, reach.quadratic, self.nu);
-            let change = |i: usize| {
-                let here = noises[free[i].0].spectrum(omega, block.step_s());
-                (raised[i].spectrum(omega, block.step_s()) - here) / (base * DIFFERENCE)
-            };
+            let change = |i: usize| (raised[i][band] - at.spectra[free.of[i]][band]) / (base * DIFFERENCE);
             let changes: Vec<f64> = (0..size).map(change).collect();
             for i in 0..size {
-                let own = places[i];
-                gradient[i] += 0.5 * changes[i] * (weight * reach.shown[own] - count * reach.of(own, own));
+                let own = free.of[i];
+                gradient[i] +=
+                    0.5 * changes[i] * (weight * reach.shown[(own, own)] - count * reach.between[(own, own)]);
                 for j in 0..=i {
-                    let both = reach.of(own, places[j]);
+                    let both = reach.between[(own, free.of[j])];
                     information[(i, j)] += 0.5 * count * believed * changes[i] * changes[j] * both * both;
                 }
             }
         }
         information.fill_upper_triangle_with_lower_triangle();
-        Some((gradient, information))
+        (gradient, information)
     }
 
-    /// How the sources reach each band.
-    fn reaches(&self, noises: &[Noise]) -> Option<Vec<Reach>> {
+    /// A noise's spectrum by band.
+    fn spectrum(&self, noise: &Noise) -> Vec<f64> {
+        let step_s = self.block.step_s();
+        self.sums.layout.omega.iter().map(|&omega| noise.spectrum(omega, step_s)).collect()
+    }
+
+    /// How the sources at some places reach each band.
+    fn reaches(&self, noises: &[Noise], places: &[usize]) -> Option<Vec<Reach>> {
         let (sums, block) = (self.sums, self.block);
         if sums.width() == 1 {
             let levels = levels(block, sums, noises)?;
             let of_band = |(band, level): (usize, f64)| {
                 let quadratic = self.power[band][(0, 0)].max(0.0) / level;
-                let through = |place: usize| {
+                let through = |&place: &usize| {
                     let vector = sums.vectors.get(place).filter(|_| block.is_redundant());
                     vector.map_or_else(|| sums.through[place][band], |vector| vector[0] * vector[0])
                 };
-                let roots: Vec<f64> =
-                    (0..block.sources.len()).map(|place| (through(place) / level).sqrt()).collect();
-                let between = DMatrix::from_fn(roots.len(), roots.len(), |i, j| roots[i] * roots[j]);
-                let shown = roots.iter().map(|root| root * root * quadratic).collect();
-                Reach { quadratic, between, shown }
+                let roots = DVector::from_iterator(
+                    places.len(),
+                    places.iter().map(|it| (through(it) / level).sqrt()),
+                );
+                let between = &roots * roots.transpose();
+                Reach { ln_determinant: level.ln(), quadratic, shown: &between * quadratic, between }
             };
             return Some(levels.into_iter().enumerate().map(of_band).collect());
         }
         let covariances = Covariances::new(block, sums, noises)?;
         let quadratics = covariances.quadratics(self.power);
-        let vectors = DMatrix::from_columns(&sums.vectors);
-        let of_band = |((inverse, quadratic), power): ((&DMatrix<f64>, f64), &DMatrix<f64>)| {
-            let whitened = inverse * &vectors;
-            let seen = power * &whitened;
-            let shown = whitened.column_iter().zip(seen.column_iter()).map(|(a, b)| a.dot(&b)).collect();
-            Reach { quadratic, between: vectors.tr_mul(&whitened), shown }
+        let vectors: Vec<DVector<f64>> = places.iter().map(|&place| sums.vectors[place].clone()).collect();
+        let vectors = DMatrix::from_columns(&vectors);
+        let of_band = |(band, quadratic): (usize, f64)| {
+            let whitened = &covariances.inverse[band] * &vectors;
+            Reach {
+                ln_determinant: covariances.ln_determinant[band],
+                quadratic,
+                between: vectors.tr_mul(&whitened),
+                shown: whitened.tr_mul(&(&self.power[band] * &whitened)),
+            }
         };
-        Some(covariances.inverse.iter().zip(quadratics).zip(self.power).map(of_band).collect())
+        Some(quadratics.into_iter().enumerate().map(of_band).collect())
+    }
+
+    /// Noises with how their free sources reach the bands.
+    fn at(&self, noises: Vec<Noise>, free: &Free) -> Option<At> {
+        let places: Vec<usize> = (free.sources.iter())
+            .map(|&source| self.block.sources.iter().position(|&own| own == source))
+            .collect::<Option<_>>()?;
+        let reaches = self.reaches(&noises, &places)?;
+        let spectra = free.sources.iter().map(|&source| self.spectrum(&noises[source])).collect();
+        Some(At { log_likelihood: self.log_likelihood_of(&reaches), noises, spectra, reaches })
+    }
+
+    /// The same at other noises of the free sources.
+    fn moved(&self, from: &At, noises: Vec<Noise>, free: &Free) -> Option<At> {
+        let spectra: Vec<Vec<f64>> =
+            free.sources.iter().map(|&source| self.spectrum(&noises[source])).collect();
+        let is_one = self.sums.width() == 1;
+        let of_band = |(band, reach): (usize, &Reach)| {
+            let base = self.sums.base[band];
+            let change = |place: usize| (spectra[place][band] - from.spectra[place][band]) / base;
+            let changes = DVector::from_fn(spectra.len(), |place, _| change(place));
+            if is_one { reach.moved_in_one(&changes) } else { reach.moved(&changes) }
+        };
+        let reaches: Vec<Reach> = from.reaches.iter().enumerate().map(of_band).collect::<Option<_>>()?;
+        Some(At { log_likelihood: self.log_likelihood_of(&reaches), noises, spectra, reaches })
+    }
+
+    fn log_likelihood_of(&self, reaches: &[Reach]) -> f64 {
+        let width = self.sums.width() as f64;
+        let of = |(reach, &count): (&Reach, &f64)| {
+            trust::of_level(count, width, reach.ln_determinant, reach.quadratic, self.nu)
+        };
+        reaches.iter().zip(&self.sums.layout.count).map(of).sum()
+    }
+
+    /// What any other spectrum of each source would gain at most, those of the others as they are, nats.
+    ///
+    /// A change δ of the spectrum of the source at place p multiplies the determinant of a band's covariance by 1/u = 1 + δ A_pp and
+    /// takes (1 − u) B_pp/A_pp from its squares; what is gained is largest at the u where its derivative is zero.
+    pub fn largest_gains(&self, noises: &[Noise]) -> Option<Vec<f64>> {
+        let width = self.sums.width() as f64;
+        let places: Vec<usize> = (0..self.block.sources.len()).collect();
+        let mut gains = vec![0.0; places.len()];
+        for (reach, &count) in self.reaches(noises, &places)?.iter().zip(&self.sums.layout.count) {
+            let here = trust::of_level(count, width, 0.0, reach.quadratic, self.nu);
+            for (place, gain) in gains.iter_mut().enumerate() {
+                let shown = reach.shown[(place, place)] / reach.between[(place, place)];
+                let left = (reach.quadratic - shown).max(0.0);
+                let part = if self.nu.is_infinite() {
+                    count / shown
+                } else {
+                    count * (self.nu + left) / ((self.nu + count * (width - 1.0)) * shown)
+                };
+                if part > 0.0 && part.is_finite() {
+                    let squares = left + part * shown;
+                    *gain += trust::of_level(count, width, -part.ln(), squares, self.nu) - here;
+                }
+            }
+        }
+        Some(gains)
     }
 
     /// The best noises with the parameters `free` at their best, from `noises` on; none where they are singular.
@@ -148,10 +215,11 @@ impl Observed<'_> {
             let value = best[source].get(knob).clamp(*low, *high);
             best[source].set(knob, value);
         }
-        let mut reached = self.log_likelihood(&best);
+        let sources = Free::new(free);
+        let mut at = self.at(best, &sources)?;
         let mut information = DMatrix::zeros(free.len(), free.len());
         for _ in 0..STEPS {
-            let (gradient, of_step) = self.derivatives(&best, free)?;
+            let (gradient, of_step) = self.derivatives(&at, &sources);
             information = of_step;
             let mut damped = information.clone();
             (0..free.len()).for_each(|i| damped[(i, i)] += DAMPING * damped[(i, i)] + 1e-9);
@@ -159,15 +227,15 @@ impl Observed<'_> {
             let mut scale = (LARGEST_STEP / step.amax().max(1e-12)).min(1.0);
             let mut gained = 0.0;
             for _ in 0..6 {
-                let mut there = best.clone();
+                let mut there = at.noises.clone();
                 for ((&(source, knob), [low, high]), step) in free.iter().zip(&limits).zip(step.iter()) {
                     let value = (there[source].get(knob) * (scale * step).exp()).clamp(*low, *high);
                     there[source].set(knob, value);
                 }
-                let log_likelihood = self.log_likelihood(&there);
-                if log_likelihood > reached {
-                    gained = log_likelihood - reached;
-                    (best, reached) = (there, log_likelihood);
+                let moved = self.moved(&at, there, &sources);
+                if let Some(moved) = moved.filter(|moved| moved.log_likelihood > at.log_likelihood) {
+                    gained = moved.log_likelihood - at.log_likelihood;
+                    at = moved;
                     break;
                 }
                 scale *= 0.3;
@@ -183,7 +251,7 @@ impl Observed<'_> {
             })
             .collect();
         let (sigmas, ln_cost) = left_of(&information, &ranges)?;
-        Some(Fitted { noises: best, log_likelihood: reached, sigmas, ln_cost })
+        Some(Fitted { noises: at.noises, log_likelihood: at.log_likelihood, sigmas, ln_cost })
     }
 
     /// Root mean square of the residual before it was whitened, as far as its spectrum by bands tells.
@@ -194,19 +262,76 @@ impl Observed<'_> {
     }
 }
 
-/// How the sources of a block reach the coefficients of a band.
+/// The parameters that are free.
+struct Free {
+    knobs: Vec<SourceKnob>,
+    /// Their sources, each once.
+    sources: Vec<usize>,
+    /// The place of each parameter's source among these.
+    of: Vec<usize>,
+}
+
+impl Free {
+    fn new(knobs: &[SourceKnob]) -> Self {
+        let mut sources: Vec<usize> = knobs.iter().map(|(source, _)| *source).collect();
+        sources.sort_unstable();
+        sources.dedup();
+        let of = knobs.iter().map(|(source, _)| sources.partition_point(|it| it < source)).collect();
+        Self { knobs: knobs.to_vec(), sources, of }
+    }
+}
+
+/// Noises with what follows from them.
+struct At {
+    noises: Vec<Noise>,
+    /// Spectra of the free sources by band.
+    spectra: Vec<Vec<f64>>,
+    reaches: Vec<Reach>,
+    log_likelihood: f64,
+}
+
+/// How sources reach the coefficients of a band.
 struct Reach {
-    /// Squares of the coefficients in the metric of their covariance.
+    /// Logarithm of the determinant of their covariance C.
+    ln_determinant: f64,
+    /// Their squares in its metric.
     quadratic: f64,
-    /// Vᵀ C⁻¹ V.
+    /// A = Vᵀ C⁻¹ V.
     between: DMatrix<f64>,
-    /// Diagonal of Vᵀ C⁻¹ R C⁻¹ V.
-    shown: Vec<f64>,
+    /// B = Vᵀ C⁻¹ R C⁻¹ V.
+    shown: DMatrix<f64>,
 }
 
 impl Reach {
-    fn of(&self, one: usize, other: usize) -> f64 {
-        self.between[(one, other)]
+    /// Where the spectra of the sources change by D: with G = (I + A D)⁻¹ the determinant is divided by that of G, the squares lose
+    /// tr(D G B), A becomes G A and B becomes G B Gᵀ (Woodbury). None where the covariance is singular.
+    fn moved(&self, changes: &DVector<f64>) -> Option<Self> {
+        let diagonal = DMatrix::from_diagonal(changes);
+        let size = changes.len();
+        let root = (DMatrix::identity(size, size) + &self.between * &diagonal).lu();
+        let determinant = root.determinant();
+        if determinant <= 0.0 {
+            return None;
+        }
+        let inverse = root.try_inverse()?;
+        let seen = &inverse * &self.shown;
+        Some(Self {
+            ln_determinant: self.ln_determinant + determinant.ln(),
+            quadratic: (self.quadratic - (&diagonal * &seen).trace()).max(0.0),
+            between: &inverse * &self.between,
+            shown: seen * inverse.transpose(),
+        })
+    }
+
+    /// The same of a single channel, whose variance is multiplied by 1 + Σ A_pp δ_p.
+    fn moved_in_one(&self, changes: &DVector<f64>) -> Option<Self> {
+        let factor = 1.0 + self.between.diagonal().dot(changes);
+        (factor > 0.0).then(|| Self {
+            ln_determinant: self.ln_determinant + factor.ln(),
+            quadratic: self.quadratic / factor,
+            between: &self.between / factor,
+            shown: &self.shown / (factor * factor),
+        })
     }
 }
 

@@ -10,27 +10,30 @@ use crate::evidence::fit::{Bench, Description};
 /// What is known.
 #[derive(Default)]
 pub struct Known {
-    noises: Mutex<HashMap<u64, Arc<Vec<Promised>>>>,
+    /// With what each had to gain at least.
+    noises: Mutex<HashMap<u64, (f64, Arc<Vec<Promised>>)>>,
     gains: Mutex<HashMap<(u64, usize), f64>>,
 }
 
 impl Known {
-    /// The changes of noise that a block promises.
+    /// The changes of noise that a block promises, all of those at least that gain so much.
     pub fn noises(
         &self,
         bench: &Bench<'_>,
         description: &Description,
         block: usize,
+        least_gain: f64,
         compute: impl FnOnce() -> Arc<Vec<Promised>>,
     ) -> Arc<Vec<Promised>> {
         let key = state_of(bench, description, &[block]);
         let known = self.noises.lock().unwrap_or_else(PoisonError::into_inner).get(&key).cloned();
-        known.unwrap_or_else(|| {
-            let computed = compute();
-            let mut noises = self.noises.lock().unwrap_or_else(PoisonError::into_inner);
-            noises.insert(key, Arc::clone(&computed));
-            computed
-        })
+        if let Some((_, known)) = known.filter(|(least, _)| *least <= least_gain) {
+            return known;
+        }
+        let computed = compute();
+        let mut noises = self.noises.lock().unwrap_or_else(PoisonError::into_inner);
+        noises.insert(key, (least_gain, Arc::clone(&computed)));
+        computed
     }
 
     /// Whether a candidate was seen beside the same in these blocks to lose more than is worth a look.

@@ -178,8 +178,8 @@ pub fn with_one_more(
             bench.fitted(&more, &[*block])
         })
     };
-    let mut promised = other_noises(bench, known, description, among);
-    promised.retain(|promised| promised.ln_gain > behind - bench.problem.config.within_reach);
+    let least_gain = behind - bench.problem.config.within_reach;
+    let promised = other_noises(bench, known, description, among, least_gain);
     all.extend(promised.par_iter().filter_map(with_noise).collect::<Vec<_>>());
     all
 }

@@ -42,12 +42,13 @@ struct Other {
     change: NoiseChange,
 }
 
-/// The changes of noise that promise most in some of the blocks.
+/// The changes of noise that promise most in some of the blocks, of those that gain at least so much, nats.
 pub fn other_noises(
     bench: &Bench<'_>,
     known: &Known,
     description: &Description,
     among: &[usize],
+    least_gain: f64,
 ) -> Vec<Promised> {
     let problem = bench.problem;
     let other = |(candidate, of): (usize, &crate::catalogue::Candidate)| match of.search {
@@ -59,8 +60,8 @@ pub fn other_noises(
     };
     let others: Vec<Other> = problem.candidates.iter().enumerate().filter_map(other).collect();
     let of_block = |&block: &usize| {
-        let compute = || Arc::new(of_block(bench, description, &others, block));
-        let promised = known.noises(bench, description, block, compute);
+        let compute = || Arc::new(of_block(bench, description, &others, block, least_gain));
+        let promised = known.noises(bench, description, block, least_gain, compute);
         // The noises of other blocks are those of the description.
         let sources = &problem.model.blocks[block].sources;
         let moved = |promised: &Promised| {
@@ -70,12 +71,18 @@ pub fn other_noises(
             }
             Promised { noises, ..promised.clone() }
         };
-        promised.iter().map(moved).collect::<Vec<_>>()
+        promised.iter().filter(|promised| promised.ln_gain > least_gain).map(moved).collect::<Vec<_>>()
     };
     among.par_iter().flat_map_iter(of_block).collect()
 }
 
-fn of_block(bench: &Bench<'_>, description: &Description, others: &[Other], index: usize) -> Vec<Promised> {
+fn of_block(
+    bench: &Bench<'_>,
+    description: &Description,
+    others: &[Other],
+    index: usize,
+    least_gain: f64,
+) -> Vec<Promised> {
     let problem = bench.problem;
     let (Some(sums), Some(fit)) = (&bench.sums[index], &description.blocks[index]) else {
         return Vec::new();
@@ -86,7 +93,12 @@ fn of_block(bench: &Bench<'_>, description: &Description, others: &[Other], inde
     let noise_level_range = problem.config.noise_level_range;
     let observed = Observed { block, sums, power: &power, nu: fit.nu, noise_level_range };
     let here = observed.log_likelihood(&description.noises) + fit.occam;
-    let of_sources = others.iter().filter(|other| block.sources.contains(&other.source));
+    let Some(largest) = observed.largest_gains(&description.noises) else { return Vec::new() };
+    let may_gain = |other: &&Other| {
+        let place = block.sources.iter().position(|&source| source == other.source);
+        place.is_some_and(|place| largest[place] + problem.ln_prior[other.candidate] > least_gain)
+    };
+    let of_sources = others.iter().filter(may_gain);
     let mut promised: Vec<Promised> = of_sources
         .filter_map(|other| best_of(bench, description, &observed, *other))
         .map(|promised| Promised { ln_gain: promised.ln_gain - here, ..promised })
