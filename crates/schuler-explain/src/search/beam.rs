@@ -7,7 +7,8 @@ use super::common::with_common;
 use super::known::Known;
 use super::library::Shelf;
 use super::moves::{
-    Item, Structure, candidate_of, items, reached_by, structure, with_one_more, without, without_several,
+    Base, Item, Structure, candidate_of, items, reached_by, structure, with_one_more, without,
+    without_several,
 };
 use super::telegraph::with_telegraph;
 use crate::catalogue::Search;
@@ -78,13 +79,11 @@ impl Kept {
             self.expanded.insert(of);
             // What is added elsewhere than where something is left out is two moves, each of which has its turn.
             let mut bases = neighbours_below(bench, &description);
-            let mut found: Vec<Description> = bases.iter().map(|(base, _)| base.clone()).collect();
-            bases.push((description, all_blocks(bench)));
-            for (base, among) in bases {
-                let among = with_room(bench, &base, among);
-                if !among.is_empty() && self.extended.insert((structure(&base), among.clone())) {
-                    found.extend(with_one_more(bench, library, &self.parts, &base, &among, best));
-                }
+            let mut found: Vec<Description> =
+                bases.iter().map(|(base, _)| base.description.clone()).collect();
+            bases.push((Base { description, lacks: Vec::new() }, all_blocks(bench)));
+            for (among, bases) in self.unextended(bench, bases) {
+                found.extend(with_one_more(bench, library, &self.parts, &bases, &among, best));
             }
             self.take(bench, found);
         }
@@ -105,10 +104,32 @@ impl Kept {
             if !is_new || bench.problem.watch.is_cancelled() || ends(bench, &best) {
                 return;
             }
-            let mut found = with_one_more(bench, library, &self.parts, &best, &among, best.ln_evidence);
-            found.extend(together(bench, &best, &found));
+            let base = Base { description: best, lacks: Vec::new() };
+            let (best, bases) = (&base.description, std::slice::from_ref(&base));
+            let mut found = with_one_more(bench, library, &self.parts, bases, &among, best.ln_evidence);
+            found.extend(together(bench, best, &found));
             self.take(bench, found);
         }
+    }
+
+    /// Those of some descriptions to which nothing was added yet, those together that have room in the same blocks.
+    fn unextended(
+        &mut self,
+        bench: &Bench<'_>,
+        bases: Vec<(Base, Vec<usize>)>,
+    ) -> Vec<(Vec<usize>, Vec<Base>)> {
+        let mut together: Vec<(Vec<usize>, Vec<Base>)> = Vec::new();
+        for (base, among) in bases {
+            let among = with_room(bench, &base.description, among);
+            if among.is_empty() || !self.extended.insert((structure(&base.description), among.clone())) {
+                continue;
+            }
+            match together.iter_mut().find(|(known, _)| *known == among) {
+                Some((_, bases)) => bases.push(base),
+                None => together.push((among, vec![base])),
+            }
+        }
+        together
     }
 
     /// Tells once what sensors have in common. Whether the best description is better by it.
@@ -126,9 +147,9 @@ impl Kept {
         // Where nothing was left out a telegraph promises what it promises beside the best.
         let mut bases = neighbours_below(bench, &best);
         bases.extend(neighbours_far_below(bench, &best));
-        bases.push((best.clone(), all_blocks(bench)));
-        let found: Vec<Description> =
-            bases.par_iter().flat_map_iter(|(base, among)| with_telegraph(bench, base, among)).collect();
+        bases.push((Base { description: best.clone(), lacks: Vec::new() }, all_blocks(bench)));
+        let with = |(base, among): &(Base, Vec<usize>)| with_telegraph(bench, &base.description, among);
+        let found: Vec<Description> = bases.par_iter().flat_map_iter(with).collect();
         let is_better = found.iter().any(|it| it.ln_evidence > best.ln_evidence);
         self.take(bench, found);
         is_better
@@ -200,14 +221,20 @@ fn all_blocks(bench: &Bench<'_>) -> Vec<usize> {
 }
 
 /// The descriptions that lack one item of another, with the blocks that it reached.
-fn neighbours_below(bench: &Bench<'_>, description: &Description) -> Vec<(Description, Vec<usize>)> {
-    let without =
-        |&item: &Item| Some((without(bench, description, item)?, reached_by(bench, description, item)));
+fn neighbours_below(bench: &Bench<'_>, description: &Description) -> Vec<(Base, Vec<usize>)> {
+    let without = |&item: &Item| {
+        let lacks = match item {
+            Item::Placed(place) => vec![description.placed[place].term.clone()],
+            Item::Change(_) => Vec::new(),
+        };
+        let base = Base { description: without(bench, description, item)?, lacks };
+        Some((base, reached_by(bench, description, item)))
+    };
     items(description).par_iter().filter_map(without).collect()
 }
 
 /// The descriptions that lack all steps and ramps of a block, all its effects, or all its items, where those are several, with that block.
-fn neighbours_far_below(bench: &Bench<'_>, description: &Description) -> Vec<(Description, Vec<usize>)> {
+fn neighbours_far_below(bench: &Bench<'_>, description: &Description) -> Vec<(Base, Vec<usize>)> {
     let is_effect = |item: &Item| matches!(item, Item::Placed(_));
     let is_onset = |item: &Item| {
         let candidate = candidate_of(description, *item);
@@ -223,7 +250,8 @@ fn neighbours_far_below(bench: &Bench<'_>, description: &Description) -> Vec<(De
     });
     let several: Vec<(Vec<Item>, Vec<usize>)> = sets.filter(|(set, _)| set.len() > 1).collect();
     let without = |(set, among): &(Vec<Item>, Vec<usize>)| {
-        Some((without_several(bench, description, set)?, among.clone()))
+        let description = without_several(bench, description, set)?;
+        Some((Base { description, lacks: Vec::new() }, among.clone()))
     };
     several.par_iter().filter_map(without).collect()
 }

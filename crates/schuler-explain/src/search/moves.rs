@@ -8,6 +8,7 @@ use super::noises::{Promised, other_noises};
 use super::pairs::with_pairs;
 use super::scans::scans;
 use crate::catalogue::Search;
+use crate::description::Term;
 use crate::evidence::fit::{Bench, Change, Description, Placed};
 use crate::noise::{Knob, Noise};
 
@@ -147,47 +148,84 @@ pub fn touched_by(placed: &Placed) -> Vec<usize> {
     blocks
 }
 
-/// The best of the descriptions that have one item more in some of the blocks, fitted; `best` is the evidence of the best that is known.
+/// A description to which an item is added.
+pub struct Base {
+    /// The description.
+    pub description: Description,
+    /// What it lacks of the one that it was made of: what is added is to be something else.
+    pub lacks: Vec<Term>,
+}
+
+impl Base {
+    /// Whether what is offered is what it lacks: the same candidate, a jump or a line at the same place.
+    fn lacks(&self, bench: &Bench<'_>, offer: &Offer) -> bool {
+        let (problem, rows) = (bench.problem, bench.problem.time_s().len() as f64);
+        let duration_s = problem.time_s().last().copied().unwrap_or_default() - problem.time_s()[0];
+        let width = match problem.candidates[offer.candidate].search {
+            Search::Onset(_) => problem.config.least_segment as f64 * duration_s / rows,
+            Search::Frequency => duration_s.recip(),
+            _ => f64::INFINITY,
+        };
+        let is_it = |lacked: &Term| {
+            let mut pairs = lacked.nonlinear.iter().zip(&offer.point);
+            lacked.candidate == offer.candidate && pairs.all(|(a, b)| (a - b).abs() <= width)
+        };
+        self.lacks.iter().any(is_it)
+    }
+}
+
+/// The best of the descriptions that have one item more than some others in some of the blocks, fitted; `best` is the evidence of the best that
+/// is known.
 pub fn with_one_more(
     bench: &Bench<'_>,
     library: &[Shelf],
     known: &Known,
-    description: &Description,
+    bases: &[Base],
     among: &[usize],
     best: f64,
 ) -> Vec<Description> {
-    let behind = best - description.ln_evidence;
-    let with_effect = |placed: &Placed| {
+    let promises = bases.iter().map(|base| {
+        // Where the noise is trusted little a large misfit counts little, even one that an effect would take away: both ways are tried.
+        let is_robust = base.description.blocks.iter().flatten().any(|fit| fit.nu.is_finite());
+        let as_trusted = is_robust.then(|| Beside::as_trusted(bench, &base.description)).flatten();
+        let ways = Beside::trusting(bench, &base.description).into_iter().chain(as_trusted).collect();
+        Promises { base, ways, library, known, among, behind: best - base.description.ln_evidence }
+    });
+    let promises: Vec<Promises<'_>> = promises.collect();
+    let with_effect = |(base, placed): &(&Base, Placed)| {
+        let description = &base.description;
         known.if_worth(bench, description, &touched_by(placed), placed.term.candidate, || {
             with_placed(bench, description, placed)
         })
     };
-    // Where the noise is trusted little a large misfit counts little, even one that an effect would take away: both ways are tried.
-    let is_robust = description.blocks.iter().flatten().any(|fit| fit.nu.is_finite());
-    let as_trusted = is_robust.then(|| Beside::as_trusted(bench, description)).flatten();
-    let ways: Vec<Beside<'_>> = Beside::trusting(bench, description).into_iter().chain(as_trusted).collect();
-    let promises = Promises { ways: &ways, library, known, among, behind };
-    let mut all: Vec<Description> = effects(&promises).par_iter().filter_map(with_effect).collect();
-    all.extend(with_pairs(&promises));
-    let with_noise = |promised: &Promised| {
+    let mut all: Vec<Description> = effects(bench, &promises).par_iter().filter_map(with_effect).collect();
+    all.extend(promises.iter().flat_map(with_pairs));
+    let with_noise = |(base, promised): &(&Base, Promised)| {
         let Promised { change, noises, block, .. } = promised;
-        known.if_worth(bench, description, &[*block], change.candidate, || {
-            let mut more = description.clone();
+        known.if_worth(bench, &base.description, &[*block], change.candidate, || {
+            let mut more = base.description.clone();
             more.noises.clone_from(noises);
             more.changes.push(change.clone());
             bench.fitted(&more, &[*block])
         })
     };
-    let least_gain = behind - bench.problem.config.within_reach;
-    let promised = other_noises(bench, known, description, among, least_gain);
+    let noises = promises.iter().flat_map(|promises| {
+        let least_gain = promises.behind - bench.problem.config.within_reach;
+        let promised = other_noises(bench, known, &promises.base.description, among, least_gain);
+        let base = promises.base;
+        promised.into_iter().map(move |it| (it.ln_gain - promises.behind, (base, it)))
+    });
+    let promised = most_promising(bench, noises.collect());
     all.extend(promised.par_iter().filter_map(with_noise).collect::<Vec<_>>());
     all
 }
 
 /// Where effects that would improve a description are sought.
 pub struct Promises<'p> {
+    /// The description.
+    pub base: &'p Base,
     /// The description under full trust in its noise, and under its own trust where that is another.
-    pub ways: &'p [Beside<'p>],
+    pub ways: Vec<Beside<'p>>,
     /// All signatures of fixed shape.
     pub library: &'p [Shelf],
     /// What was computed before.
@@ -198,41 +236,60 @@ pub struct Promises<'p> {
     pub behind: f64,
 }
 
-/// The effects that promise most.
-fn effects(promises: &Promises<'_>) -> Vec<Placed> {
-    let Promises { ways, library, known, among, behind } = *promises;
-    let Some(Beside { bench, description, .. }) = ways.first() else { return Vec::new() };
-    let config = bench.problem.config;
-    let is_grid =
-        |offer: &Offer| matches!(bench.problem.candidates[offer.candidate].search, Search::Grid { .. });
-    let best = |mut offers: Vec<Offer>| {
-        let is_promising = |offer: &Offer| {
-            offer.ln_gain - bench.problem.ln_prior[offer.candidate] > config.least_promised
-                && offer.ln_gain > behind - config.within_reach
-        };
-        offers.retain(is_promising);
-        offers.sort_by(|a, b| b.ln_gain.total_cmp(&a.ln_gain).then(a.candidate.cmp(&b.candidate)));
-        offers.truncate(config.fitted_moves);
-        offers.retain(|offer| !known.is_hopeless(bench, description, &offer.blocks, offer.candidate));
-        offers
-    };
-    let mut effects: Vec<Placed> = Vec::new();
-    for beside in ways {
-        // A grid may miss the best by much, so that its offers are compared with each other.
-        let (grids, linear): (Vec<Offer>, Vec<Offer>) =
-            offers(beside, library, among).into_iter().partition(is_grid);
-        let chosen: Vec<Offer> = [best(linear), best(grids), best(scans(beside, among))].concat();
-        let more: Vec<Placed> = chosen.par_iter().filter_map(|offer| placed(beside, offer)).collect();
-        for placed in more {
-            let is_same = |known: &Placed| {
-                known.term.candidate == placed.term.candidate && known.term.nonlinear == placed.term.nonlinear
+/// The first of some by what they promise beside the best that is known.
+fn most_promising<T>(bench: &Bench<'_>, mut all: Vec<(f64, T)>) -> Vec<T> {
+    all.sort_by(|a, b| b.0.total_cmp(&a.0));
+    all.truncate(bench.problem.config.fitted_moves);
+    all.into_iter().map(|(_, it)| it).collect()
+}
+
+/// The effects that promise most, each with the description that it is added to.
+fn effects<'p>(bench: &Bench<'_>, promises: &'p [Promises<'p>]) -> Vec<(&'p Base, Placed)> {
+    let (problem, config) = (bench.problem, bench.problem.config);
+    let is_grid = |offer: &Offer| matches!(problem.candidates[offer.candidate].search, Search::Grid { .. });
+    let mut effects: Vec<(&Base, Placed)> = Vec::new();
+    for way in 0..2 {
+        let sought = |it: &'p Promises<'p>| {
+            let Some(beside) = it.ways.get(way) else { return Vec::new() };
+            let is_promising = |offer: &Offer| {
+                offer.ln_gain - problem.ln_prior[offer.candidate] > config.least_promised
+                    && offer.ln_gain > it.behind - config.within_reach
+                    && !it.base.lacks(bench, offer)
             };
-            if !effects.iter().any(is_same) {
-                effects.push(placed);
+            let all = offers(beside, it.library, it.among).into_iter().chain(scans(beside, it.among));
+            let of = |offer: Offer| (offer.ln_gain - it.behind, (it, beside, offer));
+            all.filter(is_promising).map(of).collect::<Vec<_>>()
+        };
+        let all: Vec<_> = promises.iter().flat_map(sought).collect();
+        // A grid may miss the best by much, so that its offers are compared with each other.
+        let kind = |offer: &Offer| (is_grid(offer), is_scanned(&problem.candidates[offer.candidate].search));
+        for of in [(false, false), (true, false), (false, true)] {
+            let own = all.iter().filter(|(_, (_, _, offer))| kind(offer) == of).cloned().collect();
+            let mut chosen = most_promising(bench, own);
+            chosen.retain(|(it, beside, offer)| {
+                !it.known.is_hopeless(bench, beside.description, &offer.blocks, offer.candidate)
+            });
+            let more: Vec<(&Base, Placed)> = (chosen.par_iter())
+                .filter_map(|(it, beside, offer)| Some((it.base, placed(beside, offer)?)))
+                .collect();
+            for (base, placed) in more {
+                let is_same = |(other, known): &(&Base, Placed)| {
+                    std::ptr::eq(*other, base)
+                        && known.term.candidate == placed.term.candidate
+                        && known.term.nonlinear == placed.term.nonlinear
+                };
+                if !effects.iter().any(is_same) {
+                    effects.push((base, placed));
+                }
             }
         }
     }
     effects
+}
+
+/// Whether a candidate is sought at every row or frequency.
+fn is_scanned(search: &Search) -> bool {
+    matches!(search, Search::Onset(_) | Search::Frequency)
 }
 
 /// A description with an effect more, fitted; with the stated noise of its sensors as it is or times the effect's factor, whichever is

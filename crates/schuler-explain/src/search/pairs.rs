@@ -20,11 +20,11 @@ struct Pair<'s> {
 
 /// The best descriptions that have such a pair more, fitted; what promises less than `behind` the best that is known is not.
 pub fn with_pairs(promises: &Promises<'_>) -> Vec<Description> {
-    let Promises { ways, library, known, among, behind } = *promises;
+    let Promises { ways, library, known, among, behind, .. } = promises;
     let Some(Beside { bench, description, .. }) = ways.first() else { return Vec::new() };
     let config = bench.problem.config;
     let mut pairs: Vec<Pair<'_>> = ways.iter().flat_map(|way| pairs(way, library, among)).collect();
-    pairs.retain(|pair| pair.with.ln_gain > behind - config.within_reach);
+    pairs.retain(|pair| pair.with.ln_gain > *behind - config.within_reach);
     pairs.sort_by(|a, b| {
         b.with.ln_gain.total_cmp(&a.with.ln_gain).then(a.with.candidate.cmp(&b.with.candidate))
     });
