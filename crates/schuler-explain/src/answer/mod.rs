@@ -38,7 +38,7 @@ pub fn told(searched: &Searched<'_>, prepared: &mut Prepared) -> (Explanation, C
     let watch = bench.problem.watch;
     let posterior = posterior::posterior(bench, library, beam);
     watch.progress(Phase::Refine, 0.0);
-    let best = polished(bench, &beam.descriptions[0]);
+    let best = polished(bench, beam.best());
     let null = nothing(bench, &prepared.model.nominal_noises(), &prepared.unstated);
     let null = null.unwrap_or_else(|| best.clone());
     let (before, after) = (OverRows::new(bench, &null), OverRows::new(bench, &best));

@@ -32,11 +32,8 @@ impl Posterior {
 /// The items of the best description with their probabilities.
 pub fn posterior(bench: &Bench<'_>, library: &[Shelf], beam: &Beam) -> Vec<Posterior> {
     let problem = bench.problem;
-    let Some(best) = beam.descriptions.first() else { return Vec::new() };
+    let (best, scored) = (beam.best(), beam.scored());
     let own = structure(best);
-    let scored: Vec<_> = (beam.descriptions.iter().map(|it| (structure(it), it.ln_evidence)))
-        .chain(beam.others.iter().cloned())
-        .collect();
     let of = |item: Item| {
         let (rest, candidate) = (structure_without(best, item), candidate_of(best, item));
         let mut absent: Vec<f64> = Vec::new();

@@ -4,6 +4,7 @@ use std::collections::HashSet;
 use rayon::prelude::*;
 
 use super::common::with_common;
+use super::joined::{all_blocks, structure_in, together};
 use super::known::Known;
 use super::library::Shelf;
 use super::moves::{
@@ -14,84 +15,95 @@ use super::telegraph::with_telegraph;
 use crate::catalogue::Search;
 use crate::evidence::fit::{Bench, Description};
 
+/// Whether a description ends a search.
+pub type Ends<'e> = dyn Fn(&Bench<'_>, &Description) -> bool + 'e;
+
 /// The descriptions of a search, the best first, one of each structure.
+#[derive(Default)]
 pub struct Beam {
-    /// The descriptions.
-    pub descriptions: Vec<Description>,
+    known: Vec<(Structure, Description)>,
     /// Structure and evidence of descriptions of the record whitened otherwise.
     pub others: Vec<(Structure, f64)>,
-}
-
-/// Searches from a description on: of the best that are not expanded yet the neighbours are fitted, those with an item more, less, or
-/// another in its place, until none of the best is left, or the best is one that `ends` it.
-pub fn search(
-    bench: &Bench<'_>,
-    library: &[Shelf],
-    start: Description,
-    ends: &dyn Fn(&Bench<'_>, &Description) -> bool,
-) -> Beam {
-    let mut kept = Kept { known: vec![(structure(&start), start)], ..Kept::default() };
-    kept.expand(bench, library, ends);
-    for reach in [Kept::share, Kept::jump, Kept::share] {
-        if !ends(bench, &kept.known[0].1) && reach(&mut kept, bench) {
-            kept.expand(bench, library, ends);
-        }
-    }
-    let descriptions = kept.known.into_iter().map(|(_, description)| description).collect();
-    Beam { descriptions, others: Vec::new() }
-}
-
-/// The descriptions that are known, one of each structure.
-#[derive(Default)]
-struct Kept {
-    known: Vec<(Structure, Description)>,
     /// Those whose neighbours were sought.
     expanded: HashSet<Structure>,
     /// Those to which an item more was sought, and in which blocks.
     extended: HashSet<(Structure, Vec<usize>)>,
+    /// What is in some blocks of those to which an item more was sought there, whatever is elsewhere.
+    seen: HashSet<(Structure, Vec<usize>)>,
+    /// Those of which every neighbour was sought beside all that they have.
+    settled: HashSet<Structure>,
     /// What was computed of their parts.
     parts: Known,
 }
 
-impl Kept {
-    /// Expands the best until none of them is left.
-    fn expand(
-        &mut self,
-        bench: &Bench<'_>,
-        library: &[Shelf],
-        ends: &dyn Fn(&Bench<'_>, &Description) -> bool,
-    ) {
+impl Beam {
+    /// A description from which a search starts.
+    pub fn new(start: Description) -> Self {
+        Self { known: vec![(structure(&start), start)], ..Self::default() }
+    }
+
+    /// The best description.
+    pub fn best(&self) -> &Description {
+        &self.known[0].1
+    }
+
+    /// Structure and evidence of all that are known.
+    pub fn scored(&self) -> Vec<(Structure, f64)> {
+        let known = self.known.iter().map(|(of, description)| (of.clone(), description.ln_evidence));
+        known.chain(self.others.iter().cloned()).collect()
+    }
+
+    /// Searches on: of the best that are not expanded yet the neighbours are fitted, those with an item more, less, or another in its
+    /// place, until none of the best is left, or the best is one that `ends` it.
+    pub fn search(&mut self, bench: &Bench<'_>, library: &[Shelf], ends: &Ends<'_>) {
+        self.expand(bench, library, ends);
+        for reach in [Self::share, Self::jump, Self::share] {
+            if !ends(bench, self.best()) && reach(self, bench) {
+                self.expand(bench, library, ends);
+            }
+        }
+    }
+
+    /// Expands the best until none of them is left. What was sought in a block is not sought again where something is another
+    /// elsewhere, but beside the best of all: only there are its neighbours compared.
+    fn expand(&mut self, bench: &Bench<'_>, library: &[Shelf], ends: &Ends<'_>) {
         let config = bench.problem.config;
         loop {
             self.ascend(bench, library, ends);
-            if ends(bench, &self.known[0].1) {
+            if ends(bench, self.best()) {
                 return;
             }
-            let best = self.known[0].1.ln_evidence;
-            let next = (self.known.iter().take(config.expanded))
-                .find(|(of, description)| {
-                    !self.expanded.contains(of) && description.ln_evidence > best - config.expanded_within
-                })
-                .cloned();
+            let best = self.best().ln_evidence;
+            let next = (self.known.iter().take(config.expanded)).find(|(of, description)| {
+                !self.expanded.contains(of) && description.ln_evidence > best - config.expanded_within
+            });
+            let is_settled = all_blocks(bench).len() < 2 || self.settled.contains(&self.known[0].0);
+            let is_last = next.is_none();
+            let next = next.or_else(|| self.known.first().filter(|_| !is_settled)).cloned();
             let Some((of, description)) = next.filter(|_| !bench.problem.watch.is_cancelled()) else {
                 return;
             };
-            self.expanded.insert(of);
+            if is_last {
+                self.settled.insert(of);
+            } else {
+                self.expanded.insert(of);
+            }
             // What is added elsewhere than where something is left out is two moves, each of which has its turn.
             let mut bases = neighbours_below(bench, &description);
             let mut found: Vec<Description> =
                 bases.iter().map(|(base, _)| base.description.clone()).collect();
-            bases.push((Base { description, lacks: Vec::new() }, all_blocks(bench)));
-            for (among, bases) in self.unextended(bench, bases) {
+            bases.push((Base { description: description.clone(), lacks: Vec::new() }, all_blocks(bench)));
+            for (among, bases) in self.unextended(bench, bases, is_last) {
                 found.extend(with_one_more(bench, library, &self.parts, &bases, &among, best));
             }
+            found.extend(together(bench, &description, &found));
             self.take(bench, found);
         }
     }
 
-    /// Adds to the best what makes it better until nothing does. What takes the place of an item is sought from there on alone: below
+    /// Adds to the best what makes it better until nothing does, or it is one that `ends` it. What takes the place of an item is sought from there on alone: below
     /// it what is missing would decide.
-    fn ascend(
+    pub fn ascend(
         &mut self,
         bench: &Bench<'_>,
         library: &[Shelf],
@@ -104,6 +116,7 @@ impl Kept {
             if !is_new || bench.problem.watch.is_cancelled() || ends(bench, &best) {
                 return;
             }
+            self.seen.extend(among.iter().map(|&block| (structure_in(bench, &best, &[block]), vec![block])));
             let base = Base { description: best, lacks: Vec::new() };
             let (best, bases) = (&base.description, std::slice::from_ref(&base));
             let mut found = with_one_more(bench, library, &self.parts, bases, &among, best.ln_evidence);
@@ -112,18 +125,24 @@ impl Kept {
         }
     }
 
-    /// Those of some descriptions to which nothing was added yet, those together that have room in the same blocks.
+    /// Those of some descriptions to which nothing was added yet, those together that have room in the same blocks; without those to
+    /// whose like in these blocks something was added, unless `also_alike`.
     fn unextended(
         &mut self,
         bench: &Bench<'_>,
         bases: Vec<(Base, Vec<usize>)>,
+        also_alike: bool,
     ) -> Vec<(Vec<usize>, Vec<Base>)> {
         let mut together: Vec<(Vec<usize>, Vec<Base>)> = Vec::new();
         for (base, among) in bases {
             let among = with_room(bench, &base.description, among);
-            if among.is_empty() || !self.extended.insert((structure(&base.description), among.clone())) {
+            let here = (structure_in(bench, &base.description, &among), among.clone());
+            let whole = (structure(&base.description), among.clone());
+            let is_alike = !also_alike && self.seen.contains(&here);
+            if among.is_empty() || is_alike || !self.extended.insert(whole) {
                 continue;
             }
+            self.seen.insert(here);
             match together.iter_mut().find(|(known, _)| *known == among) {
                 Some((_, bases)) => bases.push(base),
                 None => together.push((among, vec![base])),
@@ -134,7 +153,7 @@ impl Kept {
 
     /// Tells once what sensors have in common. Whether the best description is better by it.
     fn share(&mut self, bench: &Bench<'_>) -> bool {
-        let found = with_common(bench, &self.known[0].1);
+        let found = with_common(bench, self.best());
         let is_better = found.is_some();
         self.take(bench, found.into_iter().collect());
         is_better
@@ -143,7 +162,7 @@ impl Kept {
     /// Seeks a telegraph beside the best description, in the place of each of its items, and in that of all steps, of all effects
     /// and of all that is in a block: what jumps often was told as many steps. Whether there is a better one by it.
     fn jump(&mut self, bench: &Bench<'_>) -> bool {
-        let best = self.known[0].1.clone();
+        let best = self.best().clone();
         // Where nothing was left out a telegraph promises what it promises beside the best.
         let mut bases = neighbours_below(bench, &best);
         bases.extend(neighbours_far_below(bench, &best));
@@ -185,39 +204,6 @@ fn items_in(bench: &Bench<'_>, description: &Description, block: usize) -> usize
 fn with_room(bench: &Bench<'_>, description: &Description, mut among: Vec<usize>) -> Vec<usize> {
     among.retain(|&block| items_in(bench, description, block) < bench.problem.config.most_items);
     among
-}
-
-/// A description with the best of what others have more than it in each block, where those are several.
-fn together(bench: &Bench<'_>, description: &Description, others: &[Description]) -> Option<Description> {
-    let is_better = |other: &&Description| other.ln_evidence > description.ln_evidence;
-    let mut better: Vec<&Description> = others.iter().filter(is_better).collect();
-    better.sort_by(|a, b| b.ln_evidence.total_cmp(&a.ln_evidence));
-    let (mut whole, mut touched, mut added) = (description.clone(), Vec::new(), 0);
-    for other in better {
-        let more = items(other).into_iter().filter(|item| match item {
-            Item::Placed(place) => *place >= description.placed.len(),
-            Item::Change(place) => *place >= description.changes.len(),
-        });
-        let reached: Vec<usize> = more.flat_map(|item| reached_by(bench, other, item)).collect();
-        if reached.iter().any(|block| touched.contains(block)) {
-            continue;
-        }
-        whole.placed.extend_from_slice(&other.placed[description.placed.len()..]);
-        whole.changes.extend_from_slice(&other.changes[description.changes.len()..]);
-        for &block in &reached {
-            for &source in &bench.problem.model.blocks[block].sources {
-                whole.noises[source] = other.noises[source].clone();
-            }
-        }
-        touched.extend(reached);
-        added += 1;
-    }
-    if added < 2 { None } else { bench.fitted(&whole, &touched) }
-}
-
-/// The blocks that have sums.
-fn all_blocks(bench: &Bench<'_>) -> Vec<usize> {
-    (0..bench.sums.len()).filter(|&block| bench.sums[block].is_some()).collect()
 }
 
 /// The descriptions that lack one item of another, with the blocks that it reached.
