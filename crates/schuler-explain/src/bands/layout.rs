@@ -4,50 +4,65 @@ use std::sync::Arc;
 
 use rustdct::{DctPlanner, TransformType2And3};
 
+/// Zeros behind the rows at most, as a part of their number.
+const PADDING: f64 = 0.01;
+/// Prime factors of a number of coefficients that is transformed fast.
+const FACTORS: [usize; 5] = [2, 3, 5, 7, 11];
+
 /// Bands of the coefficients of a cosine transform, and the transform.
+///
+/// Rows are filled up with zeros to a number of small prime factors, where one is near, as others are transformed many times slower.
+/// White noise of the rows then has as much less variance in each coefficient as there are more coefficients, so that the coefficients of
+/// a band count for as many less.
 pub struct Layout {
     /// Coefficient with which each band begins, and the number of all.
     pub edges: Vec<usize>,
     /// Frequency in the middle of each band, rad a row.
     pub omega: Vec<f64>,
-    /// Number of coefficients of each band.
+    /// Rows for which the coefficients of each band count.
     pub count: Vec<f64>,
     transform: Arc<dyn TransformType2And3<f64>>,
     rows: usize,
+    coefficients: usize,
 }
 
 impl Layout {
-    /// Bands of `rows` coefficients: the first `single` by themselves, then of a constant `ratio`; about the frequencies `resolved`, rad a
+    /// Bands of the coefficients of `rows`: the first `single` by themselves, then of a constant `ratio`; about the frequencies `resolved`, rad a
     /// row, narrower ones, each as wide as it is away.
     pub fn new(rows: usize, single: usize, ratio: f64, resolved: &[f64]) -> Self {
-        let mut edges: Vec<usize> = (0..=single.min(rows)).collect();
-        while let Some(&last) = edges.last().filter(|last| **last < rows) {
-            edges.push(((last as f64 * ratio).ceil() as usize).max(last + 1).min(rows));
+        let coefficients = coefficients(rows);
+        let mut edges: Vec<usize> = (0..=single.min(coefficients)).collect();
+        while let Some(&last) = edges.last().filter(|last| **last < coefficients) {
+            edges.push(((last as f64 * ratio).ceil() as usize).max(last + 1).min(coefficients));
         }
+        let number = coefficients as f64;
         for omega in resolved {
-            let middle = (omega * rows as f64 / PI).round().clamp(0.0, rows as f64) as usize;
+            let middle = (omega * number / PI).round().clamp(0.0, number) as usize;
             let about = std::iter::successors(Some(1), |away| Some(2 * away))
                 .take_while(|away| (*away as f64) < (ratio - 1.0) * middle as f64);
-            edges.extend(about.flat_map(|away| [middle.saturating_sub(away), (middle + away).min(rows)]));
+            edges.extend(
+                about.flat_map(|away| [middle.saturating_sub(away), (middle + away).min(coefficients)]),
+            );
         }
         edges.sort_unstable();
         edges.dedup();
         let middle = |pair: &[usize]| {
             let (first, last) = (pair[0] as f64, pair[1] as f64 - 1.0);
-            PI / rows as f64 * (first.max(0.5) * last.max(0.5)).sqrt()
+            PI / number * (first.max(0.5) * last.max(0.5)).sqrt()
         };
         Self {
             omega: edges.windows(2).map(middle).collect(),
-            count: edges.windows(2).map(|pair| (pair[1] - pair[0]) as f64).collect(),
+            count: edges.windows(2).map(|pair| (pair[1] - pair[0]) as f64 * rows as f64 / number).collect(),
             edges,
-            transform: DctPlanner::new().plan_dct2(rows),
+            transform: DctPlanner::new().plan_dct2(coefficients),
             rows,
+            coefficients,
         }
     }
 
     /// The band of a frequency, rad a row.
     pub fn band_of(&self, omega: f64) -> usize {
-        let coefficient = (omega * self.rows as f64 / PI) as usize;
+        let coefficient = (omega * self.coefficients as f64 / PI) as usize;
         let band = self.edges.partition_point(|edge| *edge <= coefficient).saturating_sub(1);
         band.min(self.bands().saturating_sub(1))
     }
@@ -57,10 +72,16 @@ impl Layout {
         self.count.len()
     }
 
-    /// Orthonormal cosine transform, in place; `values` has as many as there are rows.
-    pub fn transform(&self, values: &mut [f64]) {
+    /// Number of coefficients.
+    pub fn coefficients(&self) -> usize {
+        self.coefficients
+    }
+
+    /// Orthonormal cosine transform, in place: from as many values as there are rows to the coefficients.
+    pub fn transform(&self, values: &mut Vec<f64>) {
+        values.resize(self.coefficients, 0.0);
         self.transform.process_dct2(values);
-        let scale = (2.0 / self.rows as f64).sqrt();
+        let scale = (2.0 / self.coefficients as f64).sqrt();
         for value in values.iter_mut() {
             *value *= scale;
         }
@@ -69,9 +90,9 @@ impl Layout {
         }
     }
 
-    /// Its inverse, which is its transpose.
-    pub fn inverse(&self, values: &mut [f64]) {
-        let scale = (2.0 / self.rows as f64).sqrt();
+    /// Its transpose, which is its inverse: from the coefficients to the rows.
+    pub fn inverse(&self, values: &mut Vec<f64>) {
+        let scale = (2.0 / self.coefficients as f64).sqrt();
         for value in values.iter_mut() {
             *value *= scale;
         }
@@ -80,6 +101,7 @@ impl Layout {
             *first *= 2.0_f64.sqrt();
         }
         self.transform.process_dct3(values);
+        values.truncate(self.rows);
     }
 
     /// Sums of the products of two series of coefficients by band; the shorter one is zero where it ends.
@@ -92,6 +114,19 @@ impl Layout {
         }
         sums
     }
+}
+
+/// The least number from `rows` on that has small prime factors alone, where it is near.
+fn coefficients(rows: usize) -> usize {
+    let is_fast = |number: &usize| {
+        let divided = |rest: usize, factor: &usize| {
+            std::iter::successors(Some(rest), |rest| rest.is_multiple_of(*factor).then(|| rest / factor))
+                .last()
+        };
+        FACTORS.iter().try_fold(*number, divided) == Some(1)
+    };
+    let most = rows + (PADDING * rows as f64) as usize;
+    (rows.max(1)..=most).find(is_fast).unwrap_or(rows)
 }
 
 /// Sum of products, in double precision from single.
@@ -112,6 +147,19 @@ fn dot(a: &[f32], b: &[f32]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn rows_are_filled_up_to_a_number_of_small_factors_where_one_is_near() {
+        assert_eq!([1, 121, 149, 1009, 4134, 30_001].map(coefficients), [1, 121, 149, 1009, 4158, 30_184]);
+        let layout = Layout::new(4134, 8, 1.2, &[]);
+        let values: Vec<f64> = (0..4134).map(|row| (0.37 * row as f64).sin()).collect();
+        let mut there = values.clone();
+        layout.transform(&mut there);
+        assert_eq!(there.len(), layout.coefficients());
+        layout.inverse(&mut there);
+        assert!(there.len() == 4134 && there.iter().zip(&values).all(|(a, b)| (a - b).abs() < 1e-12));
+        assert!((layout.count.iter().sum::<f64>() - 4134.0).abs() < 1e-9);
+    }
 
     #[test]
     fn the_transform_is_orthonormal_and_inverse_to_itself() {

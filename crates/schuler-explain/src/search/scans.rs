@@ -57,7 +57,7 @@ fn impulses(beside: &Beside<'_>, index: usize, sums: &Sums) -> Impulses {
     let (system, described) = (beside.system(), beside.described());
     let weighted = |channels: &[Vec<f64>]| -> Vec<f64> {
         let Some(weights) = &beside.weights[index] else { return Vec::new() };
-        let mut all = vec![vec![0.0; sums.rows()]; channels.len()];
+        let mut all = vec![vec![0.0; sums.layout.coefficients()]; channels.len()];
         for (band, edge) in sums.layout.edges.windows(2).enumerate() {
             let weight = &weights.of_channels[band];
             for (c, to) in all.iter_mut().enumerate() {
@@ -76,7 +76,7 @@ fn impulses(beside: &Beside<'_>, index: usize, sums: &Sums) -> Impulses {
         .filter(|(_, regressor)| regressor.reaches(index))
         .collect();
     let of = |(_, regressor): &(usize, &Regressor)| {
-        let mut channels = vec![vec![0.0; sums.rows()]; sums.width()];
+        let mut channels = vec![vec![0.0; sums.layout.coefficients()]; sums.width()];
         add(sums, index, regressor, 1.0, &mut channels);
         weighted(&channels)
     };
