@@ -144,6 +144,19 @@ impl Recording {
         Self::of_table_watched(file, table, |_, _| Ok(()))
     }
 
+    /// Reads a case's table and that of its simulation from where they are. A case whose simulation has no table of its own reads none.
+    ///
+    /// # Errors
+    /// As [`of_case`](Self::of_case).
+    pub fn of_tables(
+        file: CaseFile,
+        table: Box<dyn TableReader>,
+        simulation: Box<dyn TableReader>,
+    ) -> Result<Self, Error> {
+        let simulated = Simulated::of_table(&file, simulation)?;
+        Self::beside(file, table, simulated, |_, _| Ok(()))
+    }
+
     /// Reads a case's table from where it is; `watch` is told after every few thousand rows how many rows of how many columns are kept so far,
     /// and at last how many there are with those put in for missing steps, and may stop it.
     ///
@@ -152,9 +165,18 @@ impl Recording {
     pub fn of_table_watched<E: From<Error>>(
         file: CaseFile,
         table: Box<dyn TableReader>,
-        mut watch: impl FnMut(usize, usize) -> Result<(), E>,
+        watch: impl FnMut(usize, usize) -> Result<(), E>,
     ) -> Result<Self, E> {
         let simulated = Simulated::read(&file)?;
+        Self::beside(file, table, simulated, watch)
+    }
+
+    fn beside<E: From<Error>>(
+        file: CaseFile,
+        table: Box<dyn TableReader>,
+        simulated: Option<Simulated>,
+        mut watch: impl FnMut(usize, usize) -> Result<(), E>,
+    ) -> Result<Self, E> {
         let layout =
             Layout::new(&file, &*table, |column| simulated.as_ref().is_some_and(|it| it.has(column)))?;
         let mut columns = Columns::none(layout.width());
