@@ -12,13 +12,13 @@ use crate::input::wrong;
 /// A time column and a step in seconds, of which one at most is stated.
 type Stated = (Option<String>, Option<f64>);
 /// A case as a dictionary, and what was found and guessed, a sentence each.
-type Draft = (Py<PyAny>, Vec<String>);
+type Proposal = (Py<PyAny>, Vec<String>);
 
 /// The case that a table is guessed to be, as a dictionary, and what was guessed. data: arrays of shape (n,) by column. stated: time column, and
 /// step in seconds, or None.
 #[pyfunction]
 #[expect(clippy::needless_pass_by_value, reason = "what pyo3 hands over")]
-pub(crate) fn propose(py: Python<'_>, data: &Bound<'_, PyAny>, stated: Stated) -> PyResult<Draft> {
+pub(crate) fn propose(py: Python<'_>, data: &Bound<'_, PyAny>, stated: Stated) -> PyResult<Proposal> {
     let look = look("data", data, &stated, ["time", "step_s"])?;
     drafted(py, of_recording(&look, Path::new("data")))
 }
@@ -32,7 +32,7 @@ pub(crate) fn propose_pair(
     map: Vec<(String, String)>,
     sim_stated: Stated,
     real_stated: Stated,
-) -> PyResult<Draft> {
+) -> PyResult<Proposal> {
     let (simulated, recorded) = (
         look("sim", sim, &sim_stated, ["sim_time", "sim_step_s"])?,
         look("real", real, &real_stated, ["real_time", "real_step_s"])?,
@@ -60,7 +60,7 @@ fn look(
     })
 }
 
-fn drafted(py: Python<'_>, proposed: Proposed) -> PyResult<Draft> {
+fn drafted(py: Python<'_>, proposed: Proposed) -> PyResult<Proposal> {
     let case: toml::Table =
         toml::from_str(&proposed.text).map_err(|error| PyRuntimeError::new_err(error.to_string()))?;
     let said = proposed.said.into_iter().map(|said| said.replace("--map SIMULATED=RECORDED", "map="));

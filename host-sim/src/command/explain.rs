@@ -167,7 +167,8 @@ pub(super) fn explain(
     let recording = memory::recording(file, NEED, session)?;
     session.warn(&recording.warnings);
     shown.check(session.leniency())?;
-    let (report, model) = explained(&recording, &case, shown, session)?;
+    let config = Config { told_at: shown.probability, ..Config::default() };
+    let (report, model) = explained(&recording, &case, &config, session)?;
     let mut files = figures(&report, shown)?;
     if let Some(path) = &shown.report {
         output::write(path, report.html().as_bytes())?;
@@ -214,15 +215,14 @@ pub(super) fn explain(
     })
 }
 
-fn explained(
+/// Explains a recording, with a progress bar; with the model of what was found.
+pub(super) fn explained(
     recording: &Recording,
     case: &Path,
-    shown: &Shown,
+    config: &Config,
     session: &Session,
 ) -> Result<(Report, Model), Failure> {
-    let progress = session.phases();
-    let config = Config { told_at: shown.probability, ..Config::default() };
-    Report::explained(recording, case, &config, &progress).map_err(|error| match error {
+    Report::explained(recording, case, config, &session.phases()).map_err(|error| match error {
         engine::Error::Cancelled => Failure::Stopped(Interrupted),
         error => Error::one(case, error.problem()).into(),
     })
@@ -243,7 +243,11 @@ fn figures(report: &Report, shown: &Shown) -> Result<Vec<PathBuf>, Failure> {
 }
 
 /// What flies, by the inputs that the sensors of the case have at the flight module.
-fn deployed(explanation: &Explanation, recording: &Recording, case: &Path) -> Result<Deployment, Failure> {
+pub(super) fn deployed(
+    explanation: &Explanation,
+    recording: &Recording,
+    case: &Path,
+) -> Result<Deployment, Failure> {
     let channels = flight::plan(recording).map_err(|mut problem| {
         problem.message =
             format!("the case cannot be flown, so there is nothing to compensate: {}", problem.message);

@@ -15,7 +15,7 @@
 //! | `calibrate` | a calibration run → coefficients, what was observable, compensation file |
 //! | `compare-isolation` | every way of isolating a gyro against the optimum |
 //! | `figures` | the figures of the documentation |
-//! | `demo` | all of it at once, on a flight of its own |
+//! | `demo` | all of it at once, on flights of its own |
 //! | `completions` | what a shell needs to complete these |
 //! | `man` | manual pages |
 //!
@@ -62,7 +62,7 @@ Exit status:
   130  stopped by Ctrl-C
 
 Examples:
-  A flight, simulated and flown, with figures in out/demo:
+  What a simulation left out, put back, and the next flight flown better, with a picture in out/demo:
     schuler demo
 
   Why a recording does not look like its simulation:
@@ -114,7 +114,7 @@ enum Command {
     /// Make the figures of the documentation anew.
     #[command(hide = true)]
     Figures(figures::Arguments),
-    /// Simulate a flight, fly it, and show what the module found.
+    /// Show the whole way on a simulated flight: what the simulation left out, put back, and the next flight flown better.
     Demo(demo::Arguments),
     /// Print what a shell needs to complete commands and options.
     Completions(completions::Arguments),

@@ -76,14 +76,14 @@ impl Report {
     /// Explains a recording of the case file `case`; with the model of what was found.
     ///
     /// # Errors
-    /// A recording that cannot be explained, or a watch that has ended the work.
+    /// A recording that cannot be explained, or the work was ended.
     pub fn explained(
         recording: &Recording,
         case: &Path,
         config: &Config,
-        watch: &dyn Watch,
+        progress: &dyn Watch,
     ) -> Result<(Self, Model), engine::Error> {
-        let (explanation, mut arrays) = engine::explain_watched(recording, config, watch)?;
+        let (explanation, mut arrays) = engine::explain_watched(recording, config, progress)?;
         let model = std::mem::take(&mut arrays.model);
         let report = Self {
             title: recording.case.title.clone(),
@@ -97,6 +97,12 @@ impl Report {
     /// The summary for the terminal.
     pub fn text(&self) -> String {
         words::text(self)
+    }
+
+    /// What was found, a sentence each.
+    pub fn sentences(&self) -> Vec<String> {
+        let findings = self.explanation.findings.iter();
+        findings.map(|finding| words::finding(finding, self.recorded.length_s)).collect()
     }
 
     /// One HTML page that needs nothing beside it.

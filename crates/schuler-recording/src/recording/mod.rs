@@ -175,14 +175,14 @@ impl Recording {
         file: CaseFile,
         table: Box<dyn TableReader>,
         simulated: Option<Simulated>,
-        mut watch: impl FnMut(usize, usize) -> Result<(), E>,
+        mut tell: impl FnMut(usize, usize) -> Result<(), E>,
     ) -> Result<Self, E> {
         let layout =
             Layout::new(&file, &*table, |column| simulated.as_ref().is_some_and(|it| it.has(column)))?;
         let mut columns = Columns::none(layout.width());
         for chunk in Timed::new(&file, layout.chunks(table)?) {
             columns.append(chunk?);
-            watch(columns.rows(), layout.width())?;
+            tell(columns.rows(), layout.width())?;
         }
         let recorded_s = columns.values.get(TIME).map_or(&[][..], Vec::as_slice);
         let source = &file.case.recording;
@@ -190,7 +190,7 @@ impl Recording {
             .map_err(|problem| time_error(&file, problem))?;
         layout::switched_on_within(&file, &grid.time_s)?;
         // Rows are put in only if the user has the memory for them.
-        watch(grid.time_s.len(), layout.width())?;
+        tell(grid.time_s.len(), layout.width())?;
         let mut warnings = alike::said(&file.case, &layout, &columns, &file.table_path());
         warnings.extend(file_warnings(&file));
         warnings.extend_from_slice(&layout.notes);
