@@ -5,6 +5,7 @@
 //! | [`physics`] | instruments, motion, heat, the Schuler loop |
 //! | [`scenario`] | the scenario file: what to simulate |
 //! | [`simulation`] | scenario in, recording, case and truth out |
+//! | [`exported`] | what was found, as a model in files |
 //! | [`fitted`] | terms that were fitted to a recording, in a simulation |
 //! | [`flight`] | case in, module flown, outputs summed up |
 //! | [`identify`] | noise structure, Allan deviation and autocorrelation of each sensor of a recording |
@@ -24,6 +25,7 @@ pub mod campaign;
 pub mod command;
 pub mod compare_isolation;
 pub mod emulator;
+pub mod exported;
 pub mod fitted;
 pub mod flight;
 pub mod identify;

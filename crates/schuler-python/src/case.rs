@@ -5,16 +5,18 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyFloat, PyInt, PyList, PyMapping, PyString, PyTuple};
 use schuler_recording::document::Lines;
-use schuler_recording::table::{Chunks, Columns, TableReader};
-use schuler_recording::{CaseFile, Error, Problem, Recording};
+use schuler_recording::{CaseFile, Error, Recording};
 use toml::Value;
 
-use crate::input::{vector, wrong};
+use crate::arrays::Arrays;
+use crate::input::wrong;
 
 /// What a case that is no file is called in messages.
 const NAME: &str = "case";
 /// What a table that is no file is called in messages.
 const ARRAYS: &str = "<arrays>";
+/// What a simulation's is.
+const SIMULATION: &str = "sim";
 /// Lists and dictionaries within each other; a case has five.
 const DEEPEST: usize = 32;
 /// Values of a case; one of ten thousand sensors has a fifth of them.
@@ -24,6 +26,7 @@ const MOST_VALUES: usize = 1_000_000;
 pub(crate) struct Given {
     file: CaseFile,
     arrays: Option<Arrays>,
+    simulation: Option<Arrays>,
 }
 
 impl Given {
@@ -34,7 +37,9 @@ impl Given {
     /// `ValueError` by file, line, field and expectation; `TypeError` for something else than a path or a mapping.
     pub(crate) fn new(case: &Bound<'_, PyAny>, recording: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
         let arrays = match recording {
-            Some(recording) if recording.cast::<PyMapping>().is_ok() => Some(Arrays::new(recording)?),
+            Some(recording) if recording.cast::<PyMapping>().is_ok() => {
+                Some(Arrays::new("recording", ARRAYS, recording)?)
+            }
             _ => None,
         };
         let mut file = if case.cast::<PyMapping>().is_ok() {
@@ -50,7 +55,16 @@ impl Given {
             // Relative to the working directory, not to the case.
             file.case.recording.path = std::path::absolute(path)?;
         }
-        Ok(Self { file, arrays })
+        Ok(Self { file, arrays, simulation: None })
+    }
+
+    /// With the table of its simulation as a dictionary of arrays.
+    ///
+    /// # Errors
+    /// `ValueError` where an array is none, or of another length.
+    pub(crate) fn beside(mut self, simulation: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        self.simulation = simulation.map(|it| Arrays::new("simulation", SIMULATION, it)).transpose()?;
+        Ok(self)
     }
 
     /// By what name messages call the case.
@@ -63,9 +77,11 @@ impl Given {
     /// # Errors
     /// What is wrong with it.
     pub(crate) fn read(self) -> Result<Recording, Error> {
-        match self.arrays {
-            Some(arrays) => Recording::of_table(self.file, Box::new(arrays)),
-            None => Recording::of_case(self.file),
+        let Self { file, arrays, simulation } = self;
+        let table = arrays.map_or_else(|| file.open_table(), |arrays| Ok(Box::new(arrays) as _))?;
+        match simulation {
+            Some(simulation) => Recording::of_tables(file, table, Box::new(simulation)),
+            None => Recording::of_table(file, table),
         }
     }
 }
@@ -179,60 +195,5 @@ impl Conversion {
             let expected = "expected a number, a string, true or false, a list or a dictionary";
             Err(wrong(format!("{path}: found {found}; {expected}")))
         }
-    }
-}
-
-/// Columns in memory.
-struct Arrays {
-    names: Vec<String>,
-    values: Vec<Vec<f64>>,
-}
-
-impl Arrays {
-    fn new(recording: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let (mut names, mut values) = (Vec::new(), Vec::<Vec<f64>>::new());
-        for item in recording.cast::<PyMapping>()?.items()? {
-            let (name, column): (Bound<'_, PyAny>, Bound<'_, PyAny>) = item.extract()?;
-            let name: String = name
-                .extract()
-                .map_err(|_| wrong(format!("recording: found the key {name}; expected names of columns")))?;
-            let column = vector(&format!("recording[{name:?}]"), &column)?;
-            if let (Some(first), Some(rows)) = (names.first(), values.first().map(Vec::len))
-                && column.len() != rows
-            {
-                let found = format!("recording[{name:?}]: found {} rows", column.len());
-                return Err(wrong(format!("{found}; expected {rows}, as recording[{first:?}] has")));
-            }
-            names.push(name);
-            values.push(column);
-        }
-        Ok(Self { names, values })
-    }
-}
-
-impl TableReader for Arrays {
-    fn names(&self) -> &[String] {
-        &self.names
-    }
-
-    fn chunks(self: Box<Self>, wanted: &[usize]) -> Result<Chunks, Error> {
-        let rows = self.values.first().map_or(0, Vec::len);
-        if rows == 0 {
-            let empty = Problem::of_file("found no rows; expected at least two");
-            return Err(Error::one(ARRAYS, empty));
-        }
-        let mut columns = Columns { lines: (1..=rows as u64).collect(), ..Columns::default() };
-        for &index in wanted {
-            let mut values = self.values.get(index).cloned().unwrap_or_default();
-            let mut infinite = 0;
-            for value in values.iter_mut().filter(|value| value.is_infinite()) {
-                *value = f64::NAN;
-                infinite += 1;
-            }
-            columns.values.push(values);
-            columns.infinite.push(infinite);
-        }
-        // They are in memory already, so that one chunk is as good as many.
-        Ok(Box::new(std::iter::once(Ok(columns))))
     }
 }

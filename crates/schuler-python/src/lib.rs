@@ -6,7 +6,9 @@
 //! | `adaptive` | the flight module's velocity channel, which finds out its noise and retunes |
 //! | `noise` | autocorrelation, the published fits, Allan deviation, `identify` |
 //! | `isolation` | five gyros: determinants, projector, sequential filter, the isolation that flies |
-//! | `explain` | `explain` |
+//! | `explain` | `explain` and what its answer can do |
+//! | `propose` | cases guessed from tables |
+//! | `command` | the command |
 //! | `campaign` | single cases of a campaign, and the summary of many |
 //!
 //! Everything is in SI units and radians, and NaN is a missing value. What is wrong with an argument is a `ValueError`
@@ -19,13 +21,16 @@
 
 mod adaptive;
 mod answer;
+mod arrays;
 mod campaign;
 mod case;
+mod command;
 mod explain;
 mod filter;
 mod input;
 mod isolation;
 mod noise;
+mod propose;
 mod watched;
 
 use pyo3::prelude::*;
@@ -38,7 +43,9 @@ mod _schuler {
     #[pymodule_export]
     use crate::campaign::{campaign_case, campaign_cases, campaign_summary};
     #[pymodule_export]
-    use crate::explain::explain;
+    use crate::command::command;
+    #[pymodule_export]
+    use crate::explain::{Explained, explain};
     #[pymodule_export]
     use crate::filter::{ErrorFilter, FilterConfig, FilterRun, FilterStep, MarkovNoise};
     #[pymodule_export]
@@ -48,6 +55,8 @@ mod _schuler {
         AllanDeviation, Autocorrelation, Exponential, ExponentialCosine, NoiseStructure, allan_deviation,
         autocorrelation, choose_structure, fit_exponential, fit_exponential_cosine, identify,
     };
+    #[pymodule_export]
+    use crate::propose::{propose, propose_pair};
 
     #[pymodule_export]
     #[expect(non_upper_case_globals, reason = "what Python calls it")]

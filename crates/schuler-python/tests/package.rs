@@ -53,8 +53,13 @@ fn the_package_passes_its_own_tests_and_gives_the_same_bits() {
 
     let package = project().join("crates/schuler-python");
     let python = environment("python-venv", "crates/schuler-python/tests/requirements.txt");
-    if let Err(error) = install(&python, "crates/schuler-python/tests/requirements-fleet.txt") {
-        eprintln!("SKIPPED: schuler.fleet is not tested: {error}");
+    for (what, requirements) in [
+        ("schuler.fleet", "crates/schuler-python/tests/requirements-fleet.txt"),
+        ("the notebook", "crates/schuler-python/tests/requirements-notebook.txt"),
+    ] {
+        if let Err(error) = install(&python, requirements) {
+            eprintln!("SKIPPED: {what} is not tested: {error}");
+        }
     }
     let site = site_packages(&python);
     let _ = fs::remove_dir_all(site.join("schuler"));

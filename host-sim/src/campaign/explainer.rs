@@ -3,7 +3,7 @@
 //! The standard one is this command's own `explain`, run as a user runs it; another program can be given by its command line, so
 //! that any tool that writes the same answer can be judged.
 use std::io::{Read, Seek};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
@@ -22,28 +22,20 @@ const STOPPED: i32 = 130;
 /// How often an explainer with a limit is looked at.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// The standard explainer: `schuler explain CASE --json --quiet` of this very program.
-///
-/// # Errors
-/// The program does not know where it lies.
-pub fn standard() -> Result<Box<Explainer<'static>>> {
-    let program = std::env::current_exe().context("cannot find this program")?;
-    Ok(Box::new(move |case| {
+/// The standard explainer: `schuler explain CASE --json --quiet` of the command at `program`.
+pub fn standard(program: PathBuf) -> Box<Explainer<'static>> {
+    Box::new(move |case| {
         answer_of(Command::new(&program).arg("explain").arg(case).args(["--json", "--quiet"]))
-    }))
+    })
 }
 
 /// The same, ended where a case takes more than so many seconds of the processor.
-///
-/// # Errors
-/// The program does not know where it lies.
-pub fn limited(limit_s: f64) -> Result<Box<Explainer<'static>>> {
-    let program = std::env::current_exe().context("cannot find this program")?;
-    Ok(Box::new(move |case| {
+pub fn limited(program: PathBuf, limit_s: f64) -> Box<Explainer<'static>> {
+    Box::new(move |case| {
         let mut command = Command::new(&program);
         command.args(["explain", "--json", "--quiet"]).arg(case);
         answer_within(&mut command, limit_s)
-    }))
+    })
 }
 
 /// Another program, by its command line: words separated by blanks; `{case}` stands for the path, which comes last where there is none.

@@ -124,10 +124,9 @@ fn run_plan(arguments: &Arguments, plan: &Path, session: &Session) -> Result<(),
     let temporary = output::Scratch::new().map_err(|error| Failure::Other(error.into()))?;
     let directory = kept.map_or(temporary.path(), PathBuf::as_path);
     let explainer = match &arguments.explainer {
-        Some(line) => explainer::external(line),
-        None => explainer::standard(),
+        Some(line) => explainer::external(line).map_err(Failure::Other)?,
+        None => explainer::standard(session.program()),
     };
-    let explainer = explainer.map_err(Failure::Other)?;
     eprintln!("schuler: seed {seed}");
     let campaign = Campaign { plan: &file, seed, cases: &cases, directory, keep: arguments.keep.is_some() };
     let progress = session.progress("campaign", cases.len());

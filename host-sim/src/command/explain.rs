@@ -3,8 +3,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use schuler_explain::config::Config;
-use schuler_explain::diagnostics::evidence;
-use schuler_explain::explain::{self as engine, explain_watched};
+use schuler_explain::explain as engine;
 use schuler_explain::explanation::Explanation;
 use schuler_explain::export::compensation::{Deployed, Deployment, Stations, deploy};
 use schuler_explain::export::model::Model;
@@ -16,13 +15,14 @@ use super::fly::write_json;
 use super::init::{self, Written};
 use super::memory::{self, Need};
 use super::session::Session;
-use super::{Failure, export, into};
+use super::{Failure, into};
+use crate::exported;
 use crate::flight;
 use crate::flight::sensors::Place;
 use crate::output::{self, Interrupted};
 use crate::plot::Format;
 use crate::proposal::{Times, look_at, of_recording};
-use crate::report::{Recorded, Report};
+use crate::report::Report;
 
 /// Memory that explaining takes, most of it for signatures. Measured: 0.7 kB a row of three columns with nothing found, beside which
 /// whitened blocks are kept where there are findings; 4.2 to 6.6 kB a row of twenty-two.
@@ -117,7 +117,7 @@ impl Shown {
     /// Makes sure that the files can be written now, and not after the work whose result they are to hold.
     pub(super) fn check(&self, leniency: Leniency) -> Result<(), Error> {
         self.report.iter().chain(&self.compensation).try_for_each(|path| output::check(path))?;
-        export::check(&self.export)?;
+        exported::check(&self.export)?;
         let Some(scenario) = &self.into else { return Ok(()) };
         into::check(scenario, into::out_of(scenario, self.out.as_ref())?, leniency)
     }
@@ -167,7 +167,8 @@ pub(super) fn explain(
     let recording = memory::recording(file, NEED, session)?;
     session.warn(&recording.warnings);
     shown.check(session.leniency())?;
-    let (report, model) = explained(&recording, &case, shown, session)?;
+    let config = Config { told_at: shown.probability, ..Config::default() };
+    let (report, model) = explained(&recording, &case, &config, session)?;
     let mut files = figures(&report, shown)?;
     if let Some(path) = &shown.report {
         output::write(path, report.html().as_bytes())?;
@@ -180,7 +181,7 @@ pub(super) fn explain(
         compensation = deployment.findings;
         files.push(path.clone());
     }
-    files.extend(export::write(&model, &shown.export)?);
+    files.extend(exported::write(&model, &shown.export)?);
     let mut not_in_the_scenario = Vec::new();
     if let Some(scenario) = &shown.into {
         let out = into::out_of(scenario, shown.out.as_ref())?;
@@ -201,7 +202,7 @@ pub(super) fn explain(
         let mut text = answer.proposal.map(|written| init::words(written) + "\n").unwrap_or_default();
         text.push_str(&report.text());
         text.push_str(&words(&answer.compensation));
-        text.push_str(&export::words(&answer.exported));
+        text.push_str(&exported::words(&answer.exported));
         text.push_str(&into::words(&answer.not_in_the_scenario));
         if !answer.files.is_empty() {
             text.push_str("\nWritten:\n");
@@ -214,27 +215,17 @@ pub(super) fn explain(
     })
 }
 
-fn explained(
+/// Explains a recording, with a progress bar; with the model of what was found.
+pub(super) fn explained(
     recording: &Recording,
     case: &Path,
-    shown: &Shown,
+    config: &Config,
     session: &Session,
 ) -> Result<(Report, Model), Failure> {
-    let progress = session.phases();
-    let config = Config { told_at: shown.probability, ..Config::default() };
-    let (explanation, mut arrays) =
-        explain_watched(recording, &config, &progress).map_err(|error| match error {
-            engine::Error::Cancelled => Failure::Stopped(Interrupted),
-            error => Error::one(case, error.problem()).into(),
-        })?;
-    let model = std::mem::take(&mut arrays.model);
-    let report = Report {
-        title: recording.case.title.clone(),
-        recorded: Recorded::of(recording, &case.display().to_string()),
-        explanation,
-        evidence: evidence(arrays),
-    };
-    Ok((report, model))
+    Report::explained(recording, case, config, &session.phases()).map_err(|error| match error {
+        engine::Error::Cancelled => Failure::Stopped(Interrupted),
+        error => Error::one(case, error.problem()).into(),
+    })
 }
 
 /// Writes the explanation and its figures into the directory that was asked for.
@@ -252,7 +243,11 @@ fn figures(report: &Report, shown: &Shown) -> Result<Vec<PathBuf>, Failure> {
 }
 
 /// What flies, by the inputs that the sensors of the case have at the flight module.
-fn deployed(explanation: &Explanation, recording: &Recording, case: &Path) -> Result<Deployment, Failure> {
+pub(super) fn deployed(
+    explanation: &Explanation,
+    recording: &Recording,
+    case: &Path,
+) -> Result<Deployment, Failure> {
     let channels = flight::plan(recording).map_err(|mut problem| {
         problem.message =
             format!("the case cannot be flown, so there is nothing to compensate: {}", problem.message);

@@ -60,11 +60,15 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
     let mut files = Vec::new();
 
     let made = temporary.path().join("demo");
-    demo::made(&demo::Arguments::into_directory(&made), session)?;
+    demo::identification::made(&demo::Arguments::into_directory(&made), session)?;
     for (name, as_name) in OF_THE_DEMO {
         files.push(kept(&made, name, out, as_name)?);
     }
     files.extend(published_loop(&made.join(CASE), session)?.write(out, "published_loop", &[Format::Png])?);
+
+    let made = temporary.path().join("circle");
+    demo::circle::made(&demo::Arguments::into_directory(&made), session)?;
+    files.push(kept(&made, "closed_circle.png", out, "closed_circle.png")?);
 
     let noise = temporary.path().join("noise");
     for (name, figure) in structure_and_noise(&noise, session)? {
@@ -116,7 +120,7 @@ fn published_loop(case: &Path, session: &Session) -> Result<Figure, Failure> {
     let recording = Recording::read(case)?;
     let planned = flight::plan(&recording).map_err(|problem| Error::one(case, problem))?;
     let channel = planned.into_iter().next().ok_or_else(|| anyhow::anyhow!("nothing to fly"))?;
-    let truth = demo::truth(case, &channel.name, &recording)?;
+    let truth = demo::identification::truth(case, &channel.name, &recording)?;
     let fly = |method: Method| {
         let mut channel = channel.clone();
         channel.config.identification.method = method;

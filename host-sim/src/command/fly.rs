@@ -247,7 +247,7 @@ pub(super) fn flown(
 }
 
 /// A configuration that cannot be flown is the case's mistake.
-fn failure(error: FlightError, case: &Path) -> Failure {
+pub(super) fn failure(error: FlightError, case: &Path) -> Failure {
     match error {
         FlightError::Interrupted(stopped) => Failure::Stopped(stopped),
         FlightError::File(error) => Failure::Input(error),

@@ -102,7 +102,7 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
         cases: set.len(),
     };
     let header = continued(&arguments.out, header)?;
-    let explainer = explainer::limited(arguments.limit_s).map_err(Failure::Other)?;
+    let explainer = explainer::limited(session.program(), arguments.limit_s);
     let freeze = Freeze {
         set: &set,
         truth: arguments.truth.as_deref(),

@@ -8,7 +8,7 @@ use schuler_recording::{Error, Leniency, Problem, file};
 
 use super::Failure;
 use crate::output;
-use crate::scenario::ScenarioFile;
+use crate::scenario::{ErrorSource, ScenarioFile};
 
 /// Name of the scenario with what was found.
 pub(super) const SCENARIO: &str = "scenario.toml";
@@ -99,11 +99,22 @@ pub(super) fn write(
     Ok(Taken { path, left_out })
 }
 
-/// The output of a scenario that an output of a model is: the velocity of a loop has an id of its own.
+/// The output of a scenario that an output of a model is: the velocity of a loop and the instruments that drive it have ids of their own.
 fn sensor_of(text: &str, path: &Path, output: &str, leniency: Leniency) -> String {
     let parsed = ScenarioFile::parse_with(path, text, leniency).ok();
-    let of_loop = parsed.and_then(|it| it.scenario.schuler_loop).filter(|_| output == "velocity");
-    of_loop.map_or_else(|| output.to_owned(), |entry| entry.id)
+    let of_loop = parsed.and_then(|it| it.scenario.schuler_loop).and_then(|entry| {
+        let instrument = |source| match source {
+            ErrorSource::Instrument(id) => Some(id),
+            ErrorSource::Process { .. } => None,
+        };
+        match output {
+            "velocity" => Some(entry.id),
+            "accelerometer" => instrument(entry.accelerometer),
+            "gyro" => instrument(entry.gyro),
+            _ => None,
+        }
+    });
+    of_loop.unwrap_or_else(|| output.to_owned())
 }
 
 /// Keys of a block that a part of the instrument makes; none where no such part is known.

@@ -6,7 +6,7 @@
 //! | `fly` | a case → through the flight module |
 //! | `identify` | a case → noise of each sensor |
 //! | `explain` | a case → what its simulation leaves out |
-//! | `export`, `into` | what was found → a model, a scenario |
+//! | `into` | what was found → a scenario |
 //! | `compare` | a simulator's output and a recording → a case, explained |
 //! | `init` | a table → a case to go on editing |
 //! | `campaign` | many cases with concealed effects, scored |
@@ -15,7 +15,7 @@
 //! | `calibrate` | a calibration run → coefficients, what was observable, compensation file |
 //! | `compare-isolation` | every way of isolating a gyro against the optimum |
 //! | `figures` | the figures of the documentation |
-//! | `demo` | all of it at once, on a flight of its own |
+//! | `demo` | all of it at once, on flights of its own |
 //! | `completions` | what a shell needs to complete these |
 //! | `man` | manual pages |
 //!
@@ -29,7 +29,6 @@ mod completions;
 mod convert;
 mod demo;
 mod explain;
-mod export;
 mod figures;
 mod fly;
 mod freeze;
@@ -42,6 +41,9 @@ mod session;
 mod simulate;
 mod text;
 
+use std::env;
+use std::ffi::OsString;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
@@ -60,7 +62,7 @@ Exit status:
   130  stopped by Ctrl-C
 
 Examples:
-  A flight, simulated and flown, with figures in out/demo:
+  What a simulation left out, put back, and the next flight flown better, with a picture in out/demo:
     schuler demo
 
   Why a recording does not look like its simulation:
@@ -112,7 +114,7 @@ enum Command {
     /// Make the figures of the documentation anew.
     #[command(hide = true)]
     Figures(figures::Arguments),
-    /// Simulate a flight, fly it, and show what the module found.
+    /// Show the whole way on a simulated flight: what the simulation left out, put back, and the next flight flown better.
     Demo(demo::Arguments),
     /// Print what a shell needs to complete commands and options.
     Completions(completions::Arguments),
@@ -146,8 +148,15 @@ impl Failure {
 
 /// Runs the command of this process's arguments.
 pub fn main() -> ExitCode {
-    let arguments = Arguments::parse();
-    let session = Session::new(arguments.json, arguments.quiet, arguments.lenient);
+    let program = env::current_exe().unwrap_or_else(|_| PathBuf::from("schuler"));
+    ExitCode::from(run(program, env::args_os()))
+}
+
+/// Runs the command that lies at `program` with these arguments, of which the first is its name, and gives its exit status. Help and mistakes
+/// in the arguments end the process.
+pub fn run(program: PathBuf, arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    let arguments = Arguments::parse_from(arguments);
+    let session = Session::new(program, arguments.json, arguments.quiet, arguments.lenient);
     let done = match &arguments.command {
         Command::Simulate(arguments) => simulate::run(arguments, &session),
         Command::Fly(arguments) => fly::run(arguments, &session),
@@ -165,10 +174,10 @@ pub fn main() -> ExitCode {
         Command::Man(arguments) => man::run(arguments, &session, Arguments::command()),
     };
     match done {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) => 0,
         Err(failure) => {
             eprintln!("schuler: {}", schuler_recording::error::plain(&failure.to_string()));
-            ExitCode::from(failure.status())
+            failure.status()
         }
     }
 }

@@ -1,6 +1,6 @@
 //! What every command shares: where results, progress and warnings go, and whether the user wants to stop.
 use std::fmt::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -26,6 +26,7 @@ const GRACE: std::time::Duration = std::time::Duration::from_millis(600);
 /// A run of the command.
 #[derive(Debug)]
 pub(super) struct Session {
+    program: PathBuf,
     json: bool,
     quiet: bool,
     leniency: Leniency,
@@ -43,9 +44,9 @@ struct Led<'a, T> {
 }
 
 impl Session {
-    /// Listens to Ctrl-C and to requests to end from now on: they stop the work at its next step, or, where that takes long,
+    /// A run of the command at `program`, with the options that every command has. It listens to Ctrl-C and to requests to end from now on: they stop the work at its next step, or, where that takes long,
     /// the process.
-    pub(super) fn new(json: bool, quiet: bool, lenient: bool) -> Self {
+    pub(super) fn new(program: PathBuf, json: bool, quiet: bool, lenient: bool) -> Self {
         let interrupt = Interrupt::default();
         let heard = interrupt.clone();
         // Without a handler Ctrl-C ends the process at once, which leaves drafts behind but no half-written file.
@@ -57,7 +58,7 @@ impl Session {
             output::abandon(STOPPED);
         });
         let leniency = if lenient { Leniency::Lenient } else { Leniency::Strict };
-        Self { json, quiet, leniency, told: Mutex::default(), interrupt }
+        Self { program, json, quiet, leniency, told: Mutex::default(), interrupt }
     }
 
     /// Reads a case. From now on nothing is written over it nor over its table.
@@ -69,6 +70,11 @@ impl Session {
             output::protect(&table);
         }
         Ok(file)
+    }
+
+    /// Where this command lies, for who runs it again.
+    pub(super) fn program(&self) -> PathBuf {
+        self.program.clone()
     }
 
     /// How what departs from its format is read.

@@ -89,12 +89,27 @@ pub struct Emulator {
     disturb_incoming: Option<Disturbance>,
 }
 
+/// Why QEMU was not run.
+fn not_run(error: std::io::Error) -> TargetError {
+    match error.kind() {
+        std::io::ErrorKind::NotFound => TargetError::MissingTool {
+            program: QEMU.to_owned(),
+            advice: "Debian and Ubuntu: apt-get install qemu-system-arm",
+        },
+        _ => TargetError::Run(error),
+    }
+}
+
 impl Emulator {
     /// Builds the image for the transport, starts it, and checks that it was built from the same sources as this program.
     ///
     /// # Errors
     /// QEMU or the compiler is missing, the image does not build, or does not come up.
     pub fn start(transport: Transport) -> Result<Self, TargetError> {
+        // Before the image is built, which takes a minute.
+        let mut version = Command::new(QEMU);
+        version.arg("--version").stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        version.status().map_err(not_run)?;
         let image = match transport {
             Transport::Uart => Image::Serial,
             Transport::Fifo => Image::Semihosting,
@@ -153,13 +168,7 @@ impl Emulator {
         command.args(["-serial", &format!("file:{}", log.display())]);
         command.args(options);
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        let mut child = command.spawn().map_err(|error| match error.kind() {
-            std::io::ErrorKind::NotFound => TargetError::MissingTool {
-                program: QEMU.to_owned(),
-                advice: "Debian and Ubuntu: apt-get install qemu-system-arm",
-            },
-            _ => TargetError::Run(error),
-        })?;
+        let mut child = command.spawn().map_err(not_run)?;
 
         let (sender, from_module) = channel();
         let complaints = Arc::new(Mutex::new(String::new()));

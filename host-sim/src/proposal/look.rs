@@ -106,9 +106,16 @@ pub struct Column {
 /// # Errors
 /// A table that cannot be read, that has no names, no time, or nothing beside it.
 pub fn look_at(path: &Path, times: Times<'_>) -> Result<Look, Error> {
-    let time = times.column();
     // Columns of texts are left out of a proposal, and no reason to refuse a table.
-    let table = table::open_with(path, Leniency::Lenient)?;
+    look_in(table::open_with(path, Leniency::Lenient)?, path, times)
+}
+
+/// Looks at a table that is open, which is called `path`.
+///
+/// # Errors
+/// As [`look_at`].
+pub fn look_in(table: Box<dyn TableReader>, path: &Path, times: Times<'_>) -> Result<Look, Error> {
+    let time = times.column();
     let wanted =
         wanted(&*table, time).map_err(|message| Error::one(path, Problem::new(None, "--time", message)))?;
     let names: Vec<String> = wanted.iter().map(|&index| table.names()[index].clone()).collect();

@@ -13,6 +13,6 @@ pub mod look;
 pub mod pairs;
 pub mod write;
 
-pub use look::{Look, Times, look_at};
+pub use look::{Look, Times, look_at, look_in};
 pub use pairs::{Pairs, pairs};
 pub use write::{Proposed, of_pair, of_recording};

@@ -15,8 +15,14 @@ mod page;
 mod thin;
 mod words;
 
-use schuler_explain::diagnostics::CaseEvidence;
+use std::path::Path;
+
+use schuler_explain::config::Config;
+use schuler_explain::diagnostics::{CaseEvidence, evidence};
+use schuler_explain::explain as engine;
 use schuler_explain::explanation::Explanation;
+use schuler_explain::export::model::Model;
+use schuler_explain::watch::Watch;
 use schuler_recording::Recording;
 
 use crate::plot::Figure;
@@ -67,9 +73,36 @@ impl Recorded {
 }
 
 impl Report {
+    /// Explains a recording of the case file `case`; with the model of what was found.
+    ///
+    /// # Errors
+    /// A recording that cannot be explained, or the work was ended.
+    pub fn explained(
+        recording: &Recording,
+        case: &Path,
+        config: &Config,
+        progress: &dyn Watch,
+    ) -> Result<(Self, Model), engine::Error> {
+        let (explanation, mut arrays) = engine::explain_watched(recording, config, progress)?;
+        let model = std::mem::take(&mut arrays.model);
+        let report = Self {
+            title: recording.case.title.clone(),
+            recorded: Recorded::of(recording, &case.display().to_string()),
+            explanation,
+            evidence: evidence(arrays),
+        };
+        Ok((report, model))
+    }
+
     /// The summary for the terminal.
     pub fn text(&self) -> String {
         words::text(self)
+    }
+
+    /// What was found, a sentence each.
+    pub fn sentences(&self) -> Vec<String> {
+        let findings = self.explanation.findings.iter();
+        findings.map(|finding| words::finding(finding, self.recorded.length_s)).collect()
     }
 
     /// One HTML page that needs nothing beside it.

@@ -100,7 +100,7 @@ pub fn places(recording: &Recording, motion: &BodyMotion, time_s: &[f64]) -> Vec
     for ((index, series), grade) in recording.sensors.iter().enumerate().zip(grades(recording)) {
         let sensor = &series.sensor;
         let axes = Axes::new(axis_of(sensor), sensor.spin_axis.map(Vector3::from));
-        let place = |port, name: &str, kind: SensorKind, unit: Unit| Place {
+        let place = |port, name: &str, kind: SensorKind, unit: Unit, axes: Axes| Place {
             sensor: index,
             port,
             name: name.to_owned(),
@@ -121,13 +121,15 @@ pub fn places(recording: &Recording, motion: &BodyMotion, time_s: &[f64]) -> Vec
         let velocity_error = recording.case.motion.kind == MotionKind::VelocityError;
         if velocity_error && sensor.kind == SensorKind::InsVelocity {
             let (metre, radian) = (Unit::MetrePerSecondSquared, Unit::RadianPerSecond);
-            places.push(place(Port::Accelerometer, "accelerometer", SensorKind::Accelerometer, metre));
-            places.push(place(Port::Gyro, "gyro", SensorKind::Dtg, radian));
-            places.push(place(Port::Output, VELOCITY, sensor.kind, series.written_unit));
+            places.push(place(Port::Accelerometer, "accelerometer", SensorKind::Accelerometer, metre, axes));
+            // The velocity grows where the platform is tilted about the axis across it: that is the gyro's.
+            let across = Axes::new(axes.other, Some(axes.spin));
+            places.push(place(Port::Gyro, "gyro", SensorKind::Dtg, radian, across));
+            places.push(place(Port::Output, VELOCITY, sensor.kind, series.written_unit, axes));
         } else if velocity_error {
             // A loop explains its own velocity; other sensors have nothing to be compared with.
         } else {
-            let mut place = place(Port::Output, &sensor.id, sensor.kind, series.written_unit);
+            let mut place = place(Port::Output, &sensor.id, sensor.kind, series.written_unit, axes);
             if sensor.axis.is_none() && !motion.estimated {
                 place.input = None;
             }

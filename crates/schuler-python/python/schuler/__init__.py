@@ -1,5 +1,5 @@
 """Error filter, noise identification and gyro fault isolation of a Schuler-tuned inertial system, and the explanation of
-recordings, on numpy arrays.
+recordings, on numpy arrays and data frames.
 
 | | |
 | --- | --- |
@@ -9,7 +9,9 @@ recordings, on numpy arrays.
 | `identify` | noise of every sensor of a recording |
 | `GyroBlock` | five gyros: determinants, projector, sequential filter, likelihood |
 | `FaultIsolation` | the isolation that flies |
-| `explain` | why a recording does not look like its simulation |
+| `explain` | why a recording does not look like its simulation: of a data frame, of arrays, of a case |
+| `compare` | the same of a simulator's output beside a recording |
+| `Explanation`, `Plot` | their answer: findings as a data frame, figures, exported models, the simulation with what was found |
 | `campaign_cases`, `campaign_case`, `campaign_summary` | cases with concealed effects, one by one |
 | `schuler.fleet` | many cases on many machines |
 
@@ -44,11 +46,11 @@ from schuler._schuler import (
     campaign_cases,
     campaign_summary,
     choose_structure,
-    explain,
     fit_exponential,
     fit_exponential_cosine,
     identify,
 )
+from schuler.explanation import Explanation, Plot, compare, explain
 
 
 class ChannelStatus(enum.IntEnum):
@@ -129,6 +131,7 @@ __all__ = [
     "Autocorrelation",
     "ChannelStatus",
     "ErrorFilter",
+    "Explanation",
     "Exponential",
     "ExponentialCosine",
     "FaultIsolation",
@@ -141,6 +144,7 @@ __all__ = [
     "IsolationRun",
     "MarkovNoise",
     "NoiseStructure",
+    "Plot",
     "Projection",
     "SequentialStatistics",
     "Verdict",
@@ -151,6 +155,7 @@ __all__ = [
     "campaign_cases",
     "campaign_summary",
     "choose_structure",
+    "compare",
     "explain",
     "fit_exponential",
     "fit_exponential_cosine",

@@ -1,12 +1,14 @@
 # Types of the compiled part; what everything means stands in its docstrings.
 from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
+from pathlib import Path
 from typing import Any, Literal, TypeAlias, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler.answers import CaseScore, Explanation, Identification
+from schuler.answers import CaseScore, Identification
+from schuler.answers import Explanation as Document
 
 _Path: TypeAlias = str | PathLike[str]
 _Case: TypeAlias = _Path | Mapping[str, Any]
@@ -23,6 +25,7 @@ __all__ = [
     "AllanDeviation",
     "Autocorrelation",
     "ErrorFilter",
+    "Explained",
     "Exponential",
     "ExponentialCosine",
     "FaultIsolation",
@@ -42,10 +45,13 @@ __all__ = [
     "campaign_cases",
     "campaign_summary",
     "choose_structure",
+    "command",
     "explain",
     "fit_exponential",
     "fit_exponential_cosine",
     "identify",
+    "propose",
+    "propose_pair",
 ]
 
 __version__: str
@@ -384,14 +390,38 @@ class FaultIsolation:
     def __deepcopy__(self, _memo: Any, /) -> FaultIsolation: ...
     def run(self, rates: ArrayLike, *, readmit: int | None = None) -> IsolationRun: ...
 
+@final
+class Explained:
+    def document(self) -> Document: ...
+    def text(self) -> str: ...
+    def html(self) -> str: ...
+    def figures(self) -> list[tuple[str, str]]: ...
+    def png(self, name: str) -> bytes: ...
+    def export(self, path: _Path) -> list[Path]: ...
+    def cautions(self) -> list[str]: ...
+    def simulated(self) -> tuple[tuple[str, _Doubles], list[tuple[str, _Doubles]]]: ...
+
 def explain(
     case: _Case,
     recording: _Recording | None = None,
+    simulation: Mapping[str, ArrayLike] | None = None,
     *,
     probability: float = 0.95,
     hold_out: bool = True,
     progress: Callable[[str, float], object] | None = None,
-) -> Explanation: ...
+) -> Explained: ...
+
+_Stated: TypeAlias = tuple[str | None, float | None]
+
+def propose(data: Mapping[str, ArrayLike], stated: _Stated) -> tuple[dict[str, Any], list[str]]: ...
+def propose_pair(
+    sim: Mapping[str, ArrayLike],
+    real: Mapping[str, ArrayLike],
+    map: Sequence[tuple[str, str]],
+    sim_stated: _Stated,
+    real_stated: _Stated,
+) -> tuple[dict[str, Any], list[str]]: ...
+def command(arguments: Sequence[str]) -> int: ...
 def campaign_cases(plan: _Path) -> int: ...
 def campaign_case(plan: _Path, *, seed: int, index: int) -> CaseScore: ...
 def campaign_summary(plan: _Path, scores: Sequence[CaseScore]) -> dict[str, Any]: ...

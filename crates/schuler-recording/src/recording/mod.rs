@@ -144,6 +144,19 @@ impl Recording {
         Self::of_table_watched(file, table, |_, _| Ok(()))
     }
 
+    /// Reads a case's table and that of its simulation from where they are. A case whose simulation has no table of its own reads none.
+    ///
+    /// # Errors
+    /// As [`of_case`](Self::of_case).
+    pub fn of_tables(
+        file: CaseFile,
+        table: Box<dyn TableReader>,
+        simulation: Box<dyn TableReader>,
+    ) -> Result<Self, Error> {
+        let simulated = Simulated::of_table(&file, simulation)?;
+        Self::beside(file, table, simulated, |_, _| Ok(()))
+    }
+
     /// Reads a case's table from where it is; `watch` is told after every few thousand rows how many rows of how many columns are kept so far,
     /// and at last how many there are with those put in for missing steps, and may stop it.
     ///
@@ -152,15 +165,24 @@ impl Recording {
     pub fn of_table_watched<E: From<Error>>(
         file: CaseFile,
         table: Box<dyn TableReader>,
-        mut watch: impl FnMut(usize, usize) -> Result<(), E>,
+        watch: impl FnMut(usize, usize) -> Result<(), E>,
     ) -> Result<Self, E> {
         let simulated = Simulated::read(&file)?;
+        Self::beside(file, table, simulated, watch)
+    }
+
+    fn beside<E: From<Error>>(
+        file: CaseFile,
+        table: Box<dyn TableReader>,
+        simulated: Option<Simulated>,
+        mut tell: impl FnMut(usize, usize) -> Result<(), E>,
+    ) -> Result<Self, E> {
         let layout =
             Layout::new(&file, &*table, |column| simulated.as_ref().is_some_and(|it| it.has(column)))?;
         let mut columns = Columns::none(layout.width());
         for chunk in Timed::new(&file, layout.chunks(table)?) {
             columns.append(chunk?);
-            watch(columns.rows(), layout.width())?;
+            tell(columns.rows(), layout.width())?;
         }
         let recorded_s = columns.values.get(TIME).map_or(&[][..], Vec::as_slice);
         let source = &file.case.recording;
@@ -168,7 +190,7 @@ impl Recording {
             .map_err(|problem| time_error(&file, problem))?;
         layout::switched_on_within(&file, &grid.time_s)?;
         // Rows are put in only if the user has the memory for them.
-        watch(grid.time_s.len(), layout.width())?;
+        tell(grid.time_s.len(), layout.width())?;
         let mut warnings = alike::said(&file.case, &layout, &columns, &file.table_path());
         warnings.extend(file_warnings(&file));
         warnings.extend_from_slice(&layout.notes);

@@ -38,15 +38,23 @@ pub(super) struct Simulated {
 }
 
 impl Simulated {
-    /// Reads the table of the simulation of a case; none where it has none of its own.
+    /// Reads the table of the simulation of a case from its file; none where it has none of its own.
     ///
     /// # Errors
     /// Columns that it lacks, cells that are not numbers, a clock that goes back.
     pub(super) fn read(file: &CaseFile) -> Result<Option<Self>, Error> {
+        let Some(path) = file.simulation_path() else { return Ok(None) };
+        Self::of_table(file, table::open_with(&path, file.leniency)?)
+    }
+
+    /// Reads that table from where it is.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub(super) fn of_table(file: &CaseFile, table: Box<dyn TableReader>) -> Result<Option<Self>, Error> {
         let Some(simulation) = file.case.simulation.clone() else { return Ok(None) };
         let Some(source) = simulation.table.clone() else { return Ok(None) };
         let Some(path) = file.simulation_path() else { return Ok(None) };
-        let table = table::open_with(&path, file.leniency)?;
         let sensors: Vec<usize> =
             (0..file.case.sensors.len()).filter(|&it| file.case.sensors[it].predicted.is_some()).collect();
         let own = as_recording(file, &source, &sensors, &*table);

@@ -1,53 +1,26 @@
-//! `schuler demo`: a flight of its own, from physics to findings.
+//! `schuler demo --identification`: a filter that is believed ten times wrong retunes itself, and names the gyro that fails.
 use std::path::{Path, PathBuf};
 
 use schuler_core::identification::Method;
 use schuler_recording::Recording;
 use serde::Serialize;
 
-use super::Failure;
-use super::fly;
-use super::session::Session;
-use super::simulate;
-use super::text;
+use super::super::session::Session;
+use super::super::{Failure, fly, simulate, text};
+use super::Arguments;
 use crate::flight::summary::{NoiseSummary, TruthState};
-use crate::flight::{self, Channel, Flown, LoopStates, LoopTruth, On, Summary, figures};
-use crate::plot::{Figure, Format, Panel};
+use crate::flight::{self, Channel, Flown, LoopStates, LoopTruth, Summary, figures};
+use crate::plot::{Figure, Panel};
 use crate::scenario::ScenarioFile;
 
-const SCENARIO: &str = include_str!("../../scenarios/demo.toml");
+const SCENARIO: &str = include_str!("../../../scenarios/demo.toml");
 const SCENARIO_NAME: &str = "demo.toml";
 /// Index of the tilt among the states.
 const TILT: usize = 1;
 
-/// What its help teaches.
-const EXAMPLES: &str = "\
-Examples:
-  On this machine, and on the emulated board:
-    schuler demo
-    schuler demo --on qemu --out out/on_board";
-
-/// How to run the demonstration.
-#[derive(Debug, clap::Args)]
-#[command(after_help = EXAMPLES)]
-pub(super) struct Arguments {
-    /// What the flight module runs on.
-    #[arg(long, value_enum, default_value_t)]
-    on: On,
-    /// Directory for everything that is made.
-    #[arg(long, short, default_value = "out/demo")]
-    out: PathBuf,
-    /// Seed instead of the demonstration's.
-    #[arg(long)]
-    seed: Option<u64>,
-    /// Forms of the figures.
-    #[arg(long, value_enum, value_delimiter = ',', default_value = "svg,png")]
-    plot: Vec<Format>,
-}
-
 /// What the demonstration found.
 #[derive(Serialize)]
-pub(super) struct Answer {
+pub(in crate::command) struct Answer {
     format: &'static str,
     on: &'static str,
     seed: u64,
@@ -81,19 +54,9 @@ struct FaultFound {
     alarms_before_the_fault: usize,
 }
 
-impl Arguments {
-    /// Everything on this machine, into a directory, figures as pixels.
-    pub(super) fn into_directory(out: &Path) -> Self {
-        Self { on: On::default(), out: out.to_owned(), seed: None, plot: vec![Format::Png] }
-    }
-}
-
-pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failure> {
-    session.answer(&made(arguments, session)?, words)
-}
-
 /// Simulates, flies and writes everything.
-pub(super) fn made(arguments: &Arguments, session: &Session) -> Result<Answer, Failure> {
+pub(in crate::command) fn made(arguments: &Arguments, session: &Session) -> Result<Answer, Failure> {
+    let on = arguments.on.unwrap_or_default();
     let file = ScenarioFile::parse(SCENARIO_NAME.as_ref(), SCENARIO)?;
     let mut scenario = file.scenario;
     scenario.seed = arguments.seed.unwrap_or(scenario.seed);
@@ -109,7 +72,7 @@ pub(super) fn made(arguments: &Arguments, session: &Session) -> Result<Answer, F
     let fly = |method: Method| -> Result<Flown, Failure> {
         let mut channel: Channel = channel.clone();
         channel.config.identification.method = method;
-        fly::flown(channel, &recording, arguments.on, &written.case, session)
+        fly::flown(channel, &recording, on, &written.case, session)
     };
     let mistuned = fly(Method::Off)?;
     let retuned = fly(Method::Likelihood)?;
@@ -146,7 +109,7 @@ pub(super) fn made(arguments: &Arguments, session: &Session) -> Result<Answer, F
     let isolated = verdicts.iter().find(|change| change.verdict == "fault" && change.time_s >= onset_s);
     let answer = Answer {
         format: "schuler-demo/1",
-        on: arguments.on.name(),
+        on: on.name(),
         seed: scenario.seed,
         hours: scenario.duration_s / 3600.0,
         mistuned: compared(&mistuned, &truth, first_retuned)?,
@@ -169,7 +132,11 @@ pub(super) fn made(arguments: &Arguments, session: &Session) -> Result<Answer, F
 }
 
 /// What the simulation has left of the truth of a channel, at the recording's times.
-pub(super) fn truth(case: &Path, channel: &str, recording: &Recording) -> Result<Vec<LoopStates>, Failure> {
+pub(in crate::command) fn truth(
+    case: &Path,
+    channel: &str,
+    recording: &Recording,
+) -> Result<Vec<LoopStates>, Failure> {
     let mut truth = LoopTruth::beside(case, channel)?
         .ok_or_else(|| anyhow::anyhow!("the simulation has left no truth"))?;
     Ok(recording.time_s.iter().map(|time_s| truth.at(*time_s)).collect::<Result<_, _>>()?)
@@ -195,7 +162,7 @@ fn compared(flown: &Flown, truth: &[LoopStates], from_s: f64) -> Result<Comparis
     })
 }
 
-fn words(answer: &Answer) -> String {
+pub(super) fn words(answer: &Answer) -> String {
     let tilt = |it: &Comparison| {
         let (rmse, unit) = text::spoken(it.tilt.rmse, it.tilt.unit);
         format!(

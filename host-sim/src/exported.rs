@@ -1,11 +1,10 @@
-//! `schuler explain CASE.toml --export FILE`: what was found, as a model for a simulation.
+//! What was found, as a model for a simulation in files.
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use schuler_explain::export::model::{Model, c, python, rust};
 use schuler_recording::{Error, Problem};
 
-use super::Failure;
 use crate::output;
 
 /// In what a model is written.
@@ -36,7 +35,10 @@ impl Form {
 }
 
 /// Makes sure that models can be written to all of these files.
-pub(super) fn check(paths: &[PathBuf]) -> Result<(), Error> {
+///
+/// # Errors
+/// An ending that is none of a model's, a file that cannot be written.
+pub fn check(paths: &[PathBuf]) -> Result<(), Error> {
     paths.iter().try_for_each(|path| {
         Form::of(path)?;
         output::check(path)?;
@@ -45,11 +47,14 @@ pub(super) fn check(paths: &[PathBuf]) -> Result<(), Error> {
 }
 
 /// Writes a model to files, with its inputs beside them; the files that were written.
-pub(super) fn write(model: &Model, paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
+///
+/// # Errors
+/// As [`check`].
+pub fn write(model: &Model, paths: &[PathBuf]) -> Result<Vec<PathBuf>, Error> {
     let mut written: Vec<PathBuf> = Vec::new();
     for path in paths {
         let text = match Form::of(path)? {
-            Form::Json => serde_json::to_string_pretty(model).map_err(anyhow::Error::from)? + "\n",
+            Form::Json => json(model, path)?,
             Form::Python => python::source(model),
             Form::C => c::source(model),
             Form::Rust => rust::source(model),
@@ -67,6 +72,12 @@ pub(super) fn write(model: &Model, paths: &[PathBuf]) -> Result<Vec<PathBuf>, Fa
     Ok(written)
 }
 
+fn json(model: &Model, path: &Path) -> Result<String, Error> {
+    let text = serde_json::to_string_pretty(model);
+    let text = text.map_err(|error| Error::one(path, Problem::of_file(error.to_string())))?;
+    Ok(text + "\n")
+}
+
 /// The table of inputs beside a model.
 fn inputs_beside(path: &Path) -> PathBuf {
     let mut name = path.file_stem().unwrap_or_default().to_owned();
@@ -75,7 +86,7 @@ fn inputs_beside(path: &Path) -> PathBuf {
 }
 
 /// What the user of a model should be told.
-pub(super) fn words(cautions: &[String]) -> String {
+pub(crate) fn words(cautions: &[String]) -> String {
     let mut text = String::new();
     if !cautions.is_empty() {
         text.push_str("\nIn the model:\n");
