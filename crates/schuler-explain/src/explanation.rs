@@ -1,10 +1,13 @@
 //! The answer: what differs, which physics was left out, how large it is, how sure that is, and what it gains.
 //!
 //! [`Explanation`] serialises to `schuler-explanation/2`.
+mod bound;
+
 use serde::ser::SerializeStruct;
 use serde::{Serialize, Serializer};
 
 use crate::catalogue::{Effect, IN_COMMON, named};
+pub use bound::{At, Bound};
 
 /// What the format's key `format` says.
 pub const FORMAT: &str = "schuler-explanation/2";
@@ -25,6 +28,10 @@ pub struct Explanation {
     /// What is left where the catalogue does not suffice.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub remainder: Option<Remainder>,
+    /// What could still hide: of each effect of the mean and each sensor the largest that would not have been found; empty where
+    /// [`Config::certify`](crate::config::Config::certify) says not to compute it.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub certificate: Vec<Bound>,
     /// What the user should be told.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,

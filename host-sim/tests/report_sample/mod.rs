@@ -152,6 +152,7 @@ pub fn nothing_found() -> Report {
         findings: Vec::new(),
         located: Vec::new(),
         remainder: None,
+        certificate: Vec::new(),
         notes: Vec::new(),
         ..report.explanation
     };

@@ -9,8 +9,10 @@
 //! | [`held_out`] | how well it predicts what it was not fitted to |
 //! | [`located`] | where record and simulation differ, and what is left |
 //! | [`mod@arrays`] | what shows that it holds |
+//! | [`certificate`] | what could still hide |
 //! | [`mod@model`] | what the findings add, as a model for a simulation |
 pub mod arrays;
+pub mod certificate;
 pub mod findings;
 pub mod held_out;
 pub mod located;
@@ -61,5 +63,12 @@ pub fn told(searched: &Searched<'_>, prepared: &mut Prepared) -> (Explanation, C
     notes.extend(prepared.model.notes.iter().cloned());
     let mut shown = arrays(&before, &after, &found);
     shown.model = model::model(&after, &found, &fit);
-    (Explanation { format: FORMAT, verdict, findings: found, fit, located, remainder, notes }, shown)
+    let certificate = if config.certify && !watch.is_cancelled() {
+        certificate::certificate(bench, library, &best)
+    } else {
+        Vec::new()
+    };
+    let explanation =
+        Explanation { format: FORMAT, verdict, findings: found, fit, located, remainder, certificate, notes };
+    (explanation, shown)
 }

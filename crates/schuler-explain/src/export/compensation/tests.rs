@@ -92,6 +92,7 @@ fn deployed(sensor: &str, effect: &str, value: f64, unit: &str, words: &[(&str, 
         fit: Fit::default(),
         located: Vec::new(),
         remainder: None,
+        certificate: Vec::new(),
         notes: Vec::new(),
     };
     let stations = Stations {
