@@ -4,15 +4,21 @@
 //! | --- | --- |
 //! | `number` | values with their uncertainty, units, times |
 //! | `words` | the sentences |
+//! | `told` | the paragraph above all, noise, and what could still hide |
 //! | `page` | the page |
+//! | `lead` | its first screen |
+//! | `folded` | what is folded below |
 //! | `charts` | what the page's plots show, thinned |
 //! | `thin` | long series with the same outline and few points |
 //! | `figures` | the same as figures in files |
 mod charts;
 mod figures;
+mod folded;
+mod lead;
 mod number;
 mod page;
 mod thin;
+mod told;
 mod words;
 
 use schuler_explain::diagnostics::CaseEvidence;
@@ -70,6 +76,11 @@ impl Report {
     /// The summary for the terminal.
     pub fn text(&self) -> String {
         words::text(self)
+    }
+
+    /// The largest effects that could still hide, for the terminal.
+    pub fn certificate(&self) -> String {
+        words::certificate(self)
     }
 
     /// One HTML page that needs nothing beside it.

@@ -1,0 +1,94 @@
+//! The first screen of the page: one paragraph, one picture, one table.
+use maud::{Markup, html};
+
+use super::charts::Chart;
+use super::number::duration;
+use super::page::{figure, table};
+use super::{Report, told, words};
+
+/// Rows of the table; the others stand below.
+const ROWS: usize = 6;
+
+/// Title, what was recorded, and the buttons of all plots.
+pub(super) fn top(report: &Report, title: &str) -> Markup {
+    let recorded = &report.recorded;
+    html! {
+        header.top {
+            h1 { (title) }
+            p.meta {
+                (recorded.case) ": " (duration(recorded.length_s)) " in steps of " (recorded.step_s) " s, "
+                (recorded.sensors.len()) @if recorded.sensors.len() == 1 { " sensor" } @else { " sensors" }
+                @if recorded.rows_in_gaps > 0 { ", " (recorded.rows_in_gaps) " of " (recorded.rows) " rows in gaps" }
+            }
+            p.verdict {
+                strong { (words::heading(report.explanation.verdict)) "." } " " (told::paragraph(report))
+            }
+        }
+        noscript { p.flag { "The plots need JavaScript. Findings and tables are complete without it." } }
+    }
+}
+
+/// The picture of the main finding's sensor and the table of findings.
+pub(super) fn screen(report: &Report, charts: &[Vec<Chart>]) -> Markup {
+    html! {
+        nav.bar aria-label="View" {
+            fieldset.views {
+                legend { "Plots show" }
+                @for (value, label) in [("before", "before"), ("after", "after"), ("both", "both")] {
+                    label { input type="radio" name="view" value=(value) checked[value == "both"]; span { (label) } }
+                }
+            }
+            button #theme type="button" aria-pressed="false" { "Dark" }
+        }
+        (picture(report, charts))
+        (rows(report))
+    }
+}
+
+/// The first plot of the sensor that the paragraph is of: the mismatch before and after, and what is explained of it.
+fn picture(report: &Report, charts: &[Vec<Chart>]) -> Markup {
+    let sensors = &report.evidence.sensors;
+    let main = told::main_finding(&report.explanation);
+    let place = main.and_then(|main| {
+        let index = report.explanation.findings.iter().position(|it| std::ptr::eq(it, main))?;
+        let adds = sensors.iter().position(|sensor| sensor.findings.contains(&index));
+        adds.or_else(|| sensors.iter().position(|sensor| sensor.sensor == main.sensor))
+    });
+    let place = place.unwrap_or_default();
+    let first: usize = charts.iter().take(place).map(Vec::len).sum();
+    match (sensors.get(place), charts.get(place).and_then(|own| own.first())) {
+        (Some(sensor), Some(chart)) => html! {
+            section.lead aria-label={ (sensor.sensor) ", before and after" } {
+                p.whose { (sensor.sensor) }
+                (figure(first, chart))
+            }
+        },
+        _ => html! {},
+    }
+}
+
+fn rows(report: &Report) -> Markup {
+    let rows = told::rows(&report.explanation);
+    if rows.is_empty() {
+        return html! {};
+    }
+    html! {
+        section.lead aria-label="Findings in a table" {
+            (table(&["Sensor", "Effect", "Value ± 1 σ", "Probability", "Share"], &html! {
+                @for row in rows.iter().take(ROWS) {
+                    tr {
+                        th scope="row" { (row.finding.sensor) }
+                        td.effect {
+                            code { (row.finding.effect) }
+                            @if let Some(rivals) = &row.rivals { " " span.rivals { (rivals) } }
+                        }
+                        td { (row.value) }
+                        td { (row.probability) }
+                        td { (row.share) }
+                    }
+                }
+            }))
+            @if rows.len() > ROWS { p.hint { (rows.len() - ROWS) " more below." } }
+        }
+    }
+}
