@@ -138,7 +138,7 @@ fn a_day_of_six_sensors_works_in_a_real_browser() {
 
     // A drag zooms, and the plots of the same sensor over time go along; a double click shows all again.
     let innovations = browser
-        .value("[...document.querySelectorAll('figure h4')].findIndex(it => it.textContent === 'Innovations over time')")
+        .value("[...document.querySelectorAll('.plot')].findIndex(it => it.ariaLabel.startsWith('Innovations over time'))")
         .as_u64()
         .unwrap() as usize;
     let other = drawn(&mut browser, innovations);
@@ -152,7 +152,7 @@ fn a_day_of_six_sensors_works_in_a_real_browser() {
     browser.resize(1280, 900, false);
     assert_ne!(drawn(&mut browser, 0), whole);
     assert_ne!(drawn(&mut browser, innovations), other);
-    browser.value("document.querySelectorAll('figure')[0].querySelector('button[data-act=all]').click()");
+    browser.value("document.querySelector('figure button[data-act=all]').click()");
     browser.resize(1280, 900, false);
     assert_eq!(drawn(&mut browser, innovations), other);
 
@@ -179,12 +179,17 @@ fn a_day_of_six_sensors_works_in_a_real_browser() {
     browser.resize(360, 780, true);
     browser.resize(360, 780, true);
     assert!(overhang(&mut browser) <= 0.0, "{} pixels", overhang(&mut browser));
-    let widest = browser.value("Math.max(...[...document.querySelectorAll('.plot canvas')].map(it => it.getBoundingClientRect().right))");
+    browser.value("document.querySelector('details.sensor').open = true");
+    browser.resize(360, 780, true);
+    let widest = browser.value(
+        "Math.max(...[...document.querySelectorAll('.plot canvas')].filter(it => it.checkVisibility()).map(it => it.getBoundingClientRect().right))",
+    );
     assert!(widest.as_f64().unwrap() <= 360.0, "{widest}");
     picture(&mut browser, "phone");
 
-    // Paper: beyond one page, and light although the screen is dark.
+    // Paper: a few pages, and light although the screen is dark.
     browser.resize(1280, 900, false);
+    browser.value("document.querySelector('details.sensor').open = false");
     browser.value("document.getElementById('theme').click()");
     let pdf = decoded(
         browser.call("Page.printToPDF", &json!({ "printBackground": true }))["data"].as_str().unwrap(),
@@ -273,7 +278,7 @@ fn the_text_says_what_how_much_and_how_sure() {
         "falls from 1.39 to 1.00",
         "Left over in gyro_z",
         "(probability above 0.9999). It explains 61 % of the mismatch, with the other finding 81 %.",
-        "Left in gyro_x, what was found puts a navigation solution 1.2 km and 40″ off after 1 h.",
+        "Left uncorrected, the errors of gyro_x put a navigation solution 1.2 km and 40″ off after 1 h.",
         "gyro_x: white 0.200 °/h, Markov 0.0500 °/h over 5 min (stated white 0.200 °/h); its spectrum holds to within 9 %",
         "gyro_x: at most 0.0060 °/h (root mean square), by bias_warmup of 0.022 °/h",
     ] {

@@ -3,11 +3,11 @@ use maud::{Markup, html};
 
 use super::charts::Chart;
 use super::number::duration;
-use super::page::{figure, table};
+use super::page::{plot, table};
 use super::{Report, told, words};
 
 /// Rows of the table; the others stand below.
-const ROWS: usize = 6;
+const ROWS: usize = 5;
 
 /// Title, what was recorded, and the buttons of all plots.
 pub(super) fn top(report: &Report, title: &str) -> Markup {
@@ -59,8 +59,11 @@ fn picture(report: &Report, charts: &[Vec<Chart>]) -> Markup {
     match (sensors.get(place), charts.get(place).and_then(|own| own.first())) {
         (Some(sensor), Some(chart)) => html! {
             section.lead aria-label={ (sensor.sensor) ", before and after" } {
-                p.whose { (sensor.sensor) }
-                (figure(first, chart))
+                figure {
+                    p.whose { (sensor.sensor) }
+                    (plot(first, chart))
+                    figcaption { strong { (chart.summary) } }
+                }
             }
         },
         _ => html! {},

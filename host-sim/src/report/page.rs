@@ -7,7 +7,7 @@ use schuler_explain::catalogue::named;
 use schuler_explain::explanation::{BeforeAfter, Finding, Fit, Goodness};
 
 use super::charts::{self, Chart};
-use super::number::{percent, plain, probability};
+use super::number::{plain, probability};
 use super::{Report, folded, lead, told, words};
 use crate::plot::printable;
 
@@ -106,10 +106,10 @@ fn finding(report: &Report, index: usize, it: &Finding) -> Markup {
                 dt { "Evidence" }
                 dd {
                     "probability " (words::sure(it.evidence.p_value)) ", log odds " (plain(it.evidence.gain_nats, 3)) " nats"
-                    @if let Some(share) = it.share { ", " (percent(share)) " of the mismatch" }
+                    @if let Some(share) = it.share { ", " (told::shared(share)) " of the mismatch" }
                 }
                 @if let Some(impact) = &it.impact {
-                    dt { "Left in" }
+                    dt { "Left uncorrected" }
                     dd { "a navigation solution is " (told::impact(impact)) }
                 }
             }
@@ -191,11 +191,11 @@ fn located(report: &Report) -> Markup {
                 p { "No test found a place where the recording differs from its simulation." }
             } @else {
                 p { "Before anything is named; p-values are corrected for the number of tests." }
-                ul { @for it in all.iter().take(words::LOCATED) { li { (words::located(it)) } } }
+                ul { @for it in words::foremost(all) { li { (words::located(it)) } } }
                 @if all.len() > words::LOCATED {
                     details {
-                        summary { (all.len() - words::LOCATED) " more" }
-                        ul { @for it in all.iter().skip(words::LOCATED) { li { (words::located(it)) } } }
+                        summary { "All " (all.len()) }
+                        ul { @for it in all { li { (words::located(it)) } } }
                     }
                 }
             }
@@ -242,13 +242,11 @@ fn evidence(report: &Report, charts: &[Vec<Chart>]) -> Markup {
     }
 }
 
-/// A plot with its buttons and what to see in it.
-pub(super) fn figure(index: usize, chart: &Chart) -> Markup {
+fn figure(index: usize, chart: &Chart) -> Markup {
     html! {
         figure {
             h4 { (chart.title) }
-            div.plot data-chart=(index) tabindex="0" role="group"
-                aria-label={ (chart.title) ": " (chart.y_label) " over " (chart.x_label) ". " (chart.summary) } {}
+            (plot(index, chart))
             div.tools {
                 @for (act, sign, label) in [
                     ("in", "+", "Zoom in"),
@@ -262,6 +260,14 @@ pub(super) fn figure(index: usize, chart: &Chart) -> Markup {
             }
             figcaption { (chart.caption) " " strong { (chart.summary) } }
         }
+    }
+}
+
+/// The place of a plot, with what it shows for those who do not see it.
+pub(super) fn plot(index: usize, chart: &Chart) -> Markup {
+    html! {
+        div.plot data-chart=(index) tabindex="0" role="group"
+            aria-label={ (chart.title) ": " (chart.y_label) " over " (chart.x_label) ". " (chart.summary) } {}
     }
 }
 

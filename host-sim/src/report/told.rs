@@ -17,24 +17,24 @@ pub(super) fn paragraph(report: &Report) -> String {
     let Some(first) = main_finding(explanation) else {
         return words::verdict(explanation.verdict).to_owned();
     };
-    let said = words::finding(first, report.recorded.length_s);
+    let said = words::in_short(first, report.recorded.length_s);
     let mut text =
         format!("{} (probability {}).", said.trim_end_matches('.'), words::sure(first.evidence.p_value));
     let others = explanation.findings.iter().filter(|it| !it.is_no_physics()).count().saturating_sub(1);
     let all = explanation.explained_share.filter(|_| others > 0).map(|share| {
         let findings = if others == 1 { "the other finding" } else { "the other findings" };
-        format!("with {findings} {}", percent(share))
+        format!("with {findings} {}", shared(share))
     });
     match (first.share, all) {
         (Some(share), Some(all)) => {
-            text.push_str(&format!(" It explains {} of the mismatch, {all}.", percent(share)));
+            text.push_str(&format!(" It explains {} of the mismatch, {all}.", shared(share)));
         }
-        (Some(share), None) => text.push_str(&format!(" It explains {} of the mismatch.", percent(share))),
+        (Some(share), None) => text.push_str(&format!(" It explains {} of the mismatch.", shared(share))),
         (None, _) => {}
     }
     if let Some(it) = explanation.impact.as_ref().filter(|it| it.position_m >= LEAST_POSITION_M) {
         text.push_str(&format!(
-            " Left in {}, what was found puts a navigation solution {}.",
+            " Left uncorrected, the errors of {} put a navigation solution {}.",
             it.sensor,
             impact(it)
         ));
@@ -80,21 +80,27 @@ pub(super) struct Row<'r> {
     pub(super) rivals: Option<String>,
 }
 
-/// Rivals that a row names.
-const RIVALS: usize = 2;
+/// A share of the mismatch; one that is not seen in per cent is not called nothing.
+pub(super) fn shared(share: f64) -> String {
+    if share > 0.0 && share < LEAST_SHARE { "below 1 %".to_owned() } else { percent(share) }
+}
 
-/// The rows of findings, those of physics first.
+/// Share that is told as a number.
+const LEAST_SHARE: f64 = 0.005;
+
+/// The rows of findings of physics; of the noise where there is no other.
 pub(super) fn rows(explanation: &Explanation) -> Vec<Row<'_>> {
     let row = |finding| Row {
         finding,
         value: values(finding),
         probability: words::sure(finding.evidence.p_value),
-        share: finding.share.map_or_else(|| "–".to_owned(), percent),
+        share: finding.share.map_or_else(|| "–".to_owned(), shared),
         rivals: rivals(finding),
     };
     let (noise, physics): (Vec<&Finding>, Vec<&Finding>) =
         explanation.findings.iter().partition(|it| words::is_noise(it) || it.is_no_physics());
-    physics.into_iter().chain(noise).map(row).collect()
+    let told = if physics.is_empty() { noise } else { physics };
+    told.into_iter().map(row).collect()
 }
 
 /// The numbers of a finding: the coefficient without its name where there is no other.
@@ -107,17 +113,13 @@ fn values(finding: &Finding) -> String {
     if numbers.is_empty() { "–".to_owned() } else { numbers.iter().map(one).collect::<Vec<_>>().join(", ") }
 }
 
+/// The most probable rival, and how many more there are.
 fn rivals(finding: &Finding) -> Option<String> {
     let all = finding.rivals();
-    let name = |it: &schuler_explain::explanation::Member| {
-        let of = if it.sensor == finding.sensor { String::new() } else { format!(" of {}", it.sensor) };
-        format!("{}{of} ({})", it.effect, plain(it.probability, 2))
-    };
-    let mut named: Vec<String> = all.iter().take(RIVALS).map(name).collect();
-    if all.len() > RIVALS {
-        named.push(format!("{} more", all.len() - RIVALS));
-    }
-    (!named.is_empty()).then(|| format!("or {}", named.join(", ")))
+    let first = all.iter().max_by(|a, b| a.probability.total_cmp(&b.probability))?;
+    let of = if first.sensor == finding.sensor { String::new() } else { format!(" of {}", first.sensor) };
+    let more = if all.len() > 1 { format!(", {} more", all.len() - 1) } else { String::new() };
+    Some(format!("or {}{of} ({}){more}", first.effect, plain(first.probability, 2)))
 }
 
 /// The numbers of a noise in words.

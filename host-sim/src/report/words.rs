@@ -6,7 +6,7 @@ use schuler_explain::explanation::{BeforeAfter, Finding, Located, Member, Parame
 use schuler_explain::sentence::{begun, of_stated, said};
 use schuler_recording::error::rounded;
 
-use super::number::{duration, percent, plain, probability, quoted};
+use super::number::{duration, plain, probability, quoted};
 use super::{Report, told};
 
 /// A finding that begins or ends within this part of the recording's length from its ends is over the whole of it.
@@ -43,16 +43,26 @@ pub(super) fn verdict(verdict: Verdict) -> &'static str {
 
 /// "From 3 h 12 min on, gyro_x drifts with the rate of its temperature: 1.90 ± 0.04 °/h per K/h."
 pub(super) fn finding(finding: &Finding, length_s: f64) -> String {
-    // The answer's own sentence is for those who have nothing but the answer.
-    let Some(effect) = named(&finding.effect) else { return finding.sentence.clone() };
-    let said = said(effect, &finding.subject(), &finding.parameters);
-    let (numbers, others): (Vec<&Parameter>, Vec<&Parameter>) =
-        finding.parameters.iter().partition(|it| it.text.is_none());
-    let numbers: Vec<String> = numbers.iter().map(|it| parameter(it, numbers.len() == 1)).collect();
-    let others: Vec<String> = others.iter().map(|it| parameter(it, false)).collect();
-    let numbers = if numbers.is_empty() { String::new() } else { format!(": {}", numbers.join(", ")) };
+    let others: Vec<String> =
+        finding.parameters.iter().filter(|it| it.text.is_some()).map(|it| parameter(it, false)).collect();
     let others = if others.is_empty() { String::new() } else { format!(" ({})", others.join(", ")) };
-    begun(&format!("{}{said}{numbers}{others}.", when(finding.interval_s, length_s)))
+    match named(&finding.effect) {
+        Some(_) => format!("{}{others}.", in_short(finding, length_s)),
+        // The answer's own sentence is for those who have nothing but the answer.
+        None => finding.sentence.clone(),
+    }
+}
+
+/// The same without the parameters that are words, and without a full stop.
+pub(super) fn in_short(finding: &Finding, length_s: f64) -> String {
+    let Some(effect) = named(&finding.effect) else {
+        return finding.sentence.trim_end_matches('.').to_owned();
+    };
+    let said = said(effect, &finding.subject(), &finding.parameters);
+    let numbers: Vec<&Parameter> = finding.parameters.iter().filter(|it| it.text.is_none()).collect();
+    let numbers: Vec<String> = numbers.iter().map(|it| parameter(it, numbers.len() == 1)).collect();
+    let numbers = if numbers.is_empty() { String::new() } else { format!(": {}", numbers.join(", ")) };
+    begun(&format!("{}{said}{numbers}", when(finding.interval_s, length_s)))
 }
 
 /// "From 3 h 12 min on, "; nothing for the whole recording.
@@ -174,6 +184,18 @@ pub(super) fn rival_words(rivals: &[Member]) -> Vec<RivalWords> {
     groups.into_iter().map(words).collect()
 }
 
+/// The few places that are told: of each sensor its most significant before the second of another, by sensor.
+pub(super) fn foremost(all: &[Located]) -> Vec<&Located> {
+    let rank =
+        |place: usize, it: &Located| all[..place].iter().filter(|other| other.sensor == it.sensor).count();
+    let mut ranked: Vec<(usize, &Located)> =
+        all.iter().enumerate().map(|(place, it)| (rank(place, it), it)).collect();
+    ranked.sort_by_key(|(rank, _)| *rank);
+    ranked.truncate(LOCATED);
+    ranked.sort_by(|a, b| a.1.sensor.cmp(&b.1.sensor));
+    ranked.into_iter().map(|(_, it)| it).collect()
+}
+
 /// Where and when they differ.
 pub(super) fn located(located: &Located) -> String {
     let mut text = format!("{}: {}", located.sensor, located.what.trim().trim_end_matches('.'));
@@ -235,7 +257,7 @@ fn evidence(finding: &Finding) -> String {
     let (odds, sure) = (plain(finding.evidence.gain_nats, 3), sure(finding.evidence.p_value));
     let mut text = format!("Probability {sure}, log odds {odds} nats");
     if let Some(share) = finding.share {
-        let _ = write!(text, ", {} of the mismatch", percent(share));
+        let _ = write!(text, ", {} of the mismatch", told::shared(share));
     }
     text
 }
@@ -292,7 +314,7 @@ pub(super) fn text(report: &Report) -> String {
     if !explanation.located.is_empty() {
         text.blank();
         text.line(0, "Where they differ, before anything is named:");
-        for it in explanation.located.iter().take(LOCATED) {
+        for it in foremost(&explanation.located) {
             text.line(2, &located(it));
         }
         if explanation.located.len() > LOCATED {
