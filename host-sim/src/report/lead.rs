@@ -49,14 +49,14 @@ pub(super) fn screen(report: &Report, charts: &[Vec<Chart>]) -> Markup {
 fn picture(report: &Report, charts: &[Vec<Chart>]) -> Markup {
     let sensors = &report.evidence.sensors;
     let main = told::main_finding(&report.explanation);
-    let place = main.and_then(|main| {
+    let sensor_index = main.and_then(|main| {
         let index = report.explanation.findings.iter().position(|it| std::ptr::eq(it, main))?;
         let adds = sensors.iter().position(|sensor| sensor.findings.contains(&index));
         adds.or_else(|| sensors.iter().position(|sensor| sensor.sensor == main.sensor))
     });
-    let place = place.unwrap_or_default();
-    let first: usize = charts.iter().take(place).map(Vec::len).sum();
-    match (sensors.get(place), charts.get(place).and_then(|own| own.first())) {
+    let sensor_index = sensor_index.unwrap_or_default();
+    let first: usize = charts.iter().take(sensor_index).map(Vec::len).sum();
+    match (sensors.get(sensor_index), charts.get(sensor_index).and_then(|own| own.first())) {
         (Some(sensor), Some(chart)) => html! {
             section.lead aria-label={ (sensor.sensor) ", before and after" } {
                 figure {

@@ -187,9 +187,9 @@ pub(super) fn rival_words(rivals: &[Member]) -> Vec<RivalWords> {
 /// The few places that are told: of each sensor its most significant before the second of another, by sensor.
 pub(super) fn foremost(all: &[Located]) -> Vec<&Located> {
     let rank =
-        |place: usize, it: &Located| all[..place].iter().filter(|other| other.sensor == it.sensor).count();
+        |index: usize, it: &Located| all[..index].iter().filter(|other| other.sensor == it.sensor).count();
     let mut ranked: Vec<(usize, &Located)> =
-        all.iter().enumerate().map(|(place, it)| (rank(place, it), it)).collect();
+        all.iter().enumerate().map(|(index, it)| (rank(index, it), it)).collect();
     ranked.sort_by_key(|(rank, _)| *rank);
     ranked.truncate(LOCATED);
     ranked.sort_by(|a, b| a.1.sensor.cmp(&b.1.sensor));

@@ -30,9 +30,9 @@ pub fn impacts(after: &OverRows<'_>, findings: &[Finding]) -> (Vec<Option<Impact
     let since = |finding: usize| findings.get(finding).map_or(0.0, |it| it.interval_s[0]);
     let worst =
         |impacts: Vec<Impact>| impacts.into_iter().max_by(|a, b| a.position_m.total_cmp(&b.position_m));
-    let of_finding = |place: usize| {
-        let own = errors.iter().filter(|error| error.finding == place);
-        worst(own.filter_map(|error| impact(&[error], since(place), time_s)).collect())
+    let of_finding = |index: usize| {
+        let own = errors.iter().filter(|error| error.finding == index);
+        worst(own.filter_map(|error| impact(&[error], since(index), time_s)).collect())
     };
     let mut sensors: Vec<(&str, bool)> = errors.iter().map(|it| (it.sensor.as_str(), it.is_gyro)).collect();
     sensors.sort_unstable();
@@ -53,8 +53,9 @@ fn errors(after: &OverRows<'_>, findings: &[Finding]) -> Vec<Error> {
     let terms = after.description.placed.iter().map(|placed| &placed.term);
     let places = findings_of(model, &problem.candidates, terms, findings);
     let mut errors: Vec<Error> = Vec::new();
-    for ((placed, amplitudes), place) in after.description.placed.iter().zip(&after.amplitudes).zip(places) {
-        let Some(finding) = place else { continue };
+    for ((placed, amplitudes), finding) in after.description.placed.iter().zip(&after.amplitudes).zip(places)
+    {
+        let Some(finding) = finding else { continue };
         for (column, amplitude) in late_columns(model, &placed.delays, &placed.term).iter().zip(amplitudes) {
             for (sensor, values) in &column.parts {
                 let kind = problem.inputs.recording.sensors.get(*sensor).map(|it| it.sensor.kind);

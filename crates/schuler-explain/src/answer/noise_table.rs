@@ -2,13 +2,14 @@
 use crate::exact::OverRows;
 use crate::explanation::{NoiseNumbers, NoiseOfSensor};
 use crate::noise::Noise;
+use crate::nominal::Source;
 use crate::problem::prepared::Prepared;
 
 /// A row a source of noise, in the order of the case; a sensor whose noise nobody states has nothing stated.
 pub fn noise_table(rows: &OverRows<'_>, prepared: &Prepared) -> Vec<NoiseOfSensor> {
     let model = rows.bench.problem.model;
     let stated = |index: usize| prepared.unstated.iter().all(|(source, _)| *source != index);
-    let of = |(index, (source, found)): (usize, (&crate::nominal::Source, &Noise))| {
+    let of = |(index, (source, found)): (usize, (&Source, &Noise))| {
         let fit = model.block_of_source(index).and_then(|block| rows.description.blocks[block].as_ref());
         let nu = fit.map(|fit| fit.nu).filter(|nu| nu.is_finite());
         let in_unit = source.unit.in_si();

@@ -63,7 +63,7 @@ fn parts(
     let filter = block.filter(&noises)?;
     let residual = &after.blocks[index].as_ref()?.residual;
     let added: Vec<(usize, Vec<f64>)> = (after.description.placed.iter().zip(&after.amplitudes).zip(places))
-        .filter_map(|((placed, own), place)| Some(((*place)?, added(model, block, placed, own)?)))
+        .filter_map(|((placed, own), finding)| Some(((*finding)?, added(model, block, placed, own)?)))
         .collect();
     let mut columns: Vec<&[f64]> = vec![residual];
     columns.extend(added.iter().map(|(_, values)| values.as_slice()));
@@ -81,6 +81,6 @@ fn parts(
         named(&finding.effect).is_some_and(Effect::is_noise)
             && sources.into_iter().any(|source| source.name == finding.sensor)
     };
-    let noise = findings.iter().position(is_noise_here).map(|place| (place, dot(&left, &left) - count));
+    let noise = findings.iter().position(is_noise_here).map(|finding| (finding, dot(&left, &left) - count));
     Some(Parts { mismatch: dot(before, before) - count, count, means: means.collect(), noise })
 }

@@ -6,7 +6,7 @@ use crate::catalogue::{OnsetShape, Search};
 /// Places at most whose products with one of them are computed.
 const MOST_PRODUCTS: usize = 4096;
 
-/// A shape at the place for which it is judged.
+/// A shape where it is judged.
 #[derive(Clone, Debug)]
 pub struct Reach {
     /// Its candidate.
@@ -21,7 +21,7 @@ pub struct Reach {
     pub places: usize,
 }
 
-/// Every step, ramp and line of one source of some blocks, at the place that `chosen` picks by the information at each.
+/// Every step, ramp and line of one source of some blocks, at the one that `chosen` picks by the information at each.
 pub fn reaches(
     beside: &Beside<'_>,
     among: &[usize],
@@ -43,8 +43,8 @@ fn of_onset(
 ) -> Option<Reach> {
     let problem = source.beside.bench.problem;
     let left: Left = source.left_of_onsets(shape)?;
-    let place = chosen(&left.of_rows);
-    let row = *left.onsets.rows.get(place)?;
+    let index = chosen(&left.of_rows);
+    let row = *left.onsets.rows.get(index)?;
     // A ramp of the scan rises by one a row, and one of the catalogue by one a second.
     let scale = if shape == OnsetShape::Ramp { problem.model.step_s.powi(2) } else { 1.0 };
     let stride = left.of_rows.len().div_ceil(MOST_PRODUCTS);
@@ -53,7 +53,7 @@ fn of_onset(
     Some(Reach {
         candidate,
         at: *problem.time_s().get(row)?,
-        information: scale * left.of_rows.get(place)?,
+        information: scale * left.of_rows.get(index)?,
         products: both.map(|(product, left)| [scale * product, scale * left]).collect(),
         places: left.of_rows.len(),
     })

@@ -8,14 +8,18 @@
 mod missing;
 mod size;
 
+use std::sync::Arc;
+
+use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use self::size::{Sought, Threshold};
 use crate::catalogue::{AT_MEAN, AT_START, Candidate, Search, target_name};
-use crate::description::{columns, nonlinear_names};
+use crate::description::{columns, nonlinear_names, sensors_of};
 use crate::evidence::fit::{Bench, Description};
 use crate::evidence::system::Described;
 use crate::explanation::{At, Bound};
+use crate::nominal::Model;
 use crate::search::beside::Beside;
 use crate::search::library::Shelf;
 use crate::search::reaches::{Reach, reaches};
@@ -44,15 +48,15 @@ pub fn certificate(bench: &Bench<'_>, library: &[Shelf], best: &Description) -> 
     let mut hidden: Vec<Hidden> =
         shelves.into_par_iter().flat_map_iter(|shelf| certifier.of_shelf(shelf)).collect();
     let blocks: Vec<usize> = (0..bench.sums.len()).collect();
-    let place = |informations: &[f64]| certifier.place(informations);
-    let shapes: Vec<Reach> = reaches(&beside, &blocks, &place);
+    let covering = |informations: &[f64]| certifier.covering(informations);
+    let shapes: Vec<Reach> = reaches(&beside, &blocks, &covering);
     hidden.par_extend(shapes.par_iter().map(|reach| certifier.of_shape(reach)));
     let mut bounds: Vec<Bound> = hidden.par_iter().map(|it| certifier.bound(it)).collect();
     bounds.extend(missing::bounds(problem));
     in_order(problem.model, worst(bounds))
 }
 
-/// Whether a description has an effect at the place of a candidate: then its value is told.
+/// Whether a description has an effect of the kind of a candidate, on the same sensor: then its value is told.
 fn is_described(bench: &Bench<'_>, description: &Description, candidate: &Candidate) -> bool {
     description.placed.iter().any(|placed| {
         let other = &bench.problem.candidates[placed.term.candidate];
@@ -81,13 +85,13 @@ fn worst(bounds: Vec<Bound>) -> Vec<Bound> {
 }
 
 /// By sensor, in the order of the case, then by what an effect would add, the largest first.
-fn in_order(model: &crate::nominal::Model, mut bounds: Vec<Bound>) -> Vec<Bound> {
-    let place = |bound: &Bound| {
+fn in_order(model: &Model, mut bounds: Vec<Bound>) -> Vec<Bound> {
+    let rank = |bound: &Bound| {
         model.sources.iter().position(|source| source.name == bound.sensor).unwrap_or(model.sources.len())
     };
     bounds.sort_by(|a, b| {
         let by_size = || b.adds_rms.unwrap_or(-1.0).total_cmp(&a.adds_rms.unwrap_or(-1.0));
-        place(a).cmp(&place(b)).then_with(|| a.sensor.cmp(&b.sensor)).then_with(by_size)
+        rank(a).cmp(&rank(b)).then_with(|| a.sensor.cmp(&b.sensor)).then_with(by_size)
     });
     bounds
 }
@@ -95,7 +99,7 @@ fn in_order(model: &crate::nominal::Model, mut bounds: Vec<Bound>) -> Vec<Bound>
 /// An effect as large as could hide.
 struct Hidden {
     candidate: usize,
-    /// Which of its amplitudes is bounded; none of one that has a delay in the place of an amplitude, or nothing.
+    /// Which of its amplitudes is bounded; none of one that has a delay and no amplitude, or nothing.
     amplitude: Option<usize>,
     /// Its other parameters.
     point: Vec<f64>,
@@ -121,8 +125,8 @@ struct Known {
 }
 
 impl Certifier<'_> {
-    /// The place among informations that as many are at least as large as a bound is to hold for.
-    fn place(&self, informations: &[f64]) -> usize {
+    /// The index among informations that as many are at least as large as a bound is to hold for.
+    fn covering(&self, informations: &[f64]) -> usize {
         let mut places: Vec<usize> = (0..informations.len()).collect();
         places.sort_by(|&a, &b| informations[b].total_cmp(&informations[a]));
         let part = self.beside.bench.problem.config.certified_part.clamp(0.0, 1.0);
@@ -155,8 +159,8 @@ impl Certifier<'_> {
         let of_amplitude = |index: usize| {
             let information = |known: &Vec<Known>| known[index].sigma.powi(-2);
             let informations: Vec<f64> = points.iter().map(information).collect();
-            let place = self.place(&informations);
-            let known = &points[place][index];
+            let chosen = self.covering(&informations);
+            let known = &points[chosen][index];
             let sought = Sought {
                 candidate,
                 ln_prior: self.ln_prior(shelf.candidate) - (points.len() as f64).ln(),
@@ -167,7 +171,7 @@ impl Certifier<'_> {
             let size = known.sigma.is_finite().then(|| self.threshold.size(&sought, &[])).flatten();
             let amplitudes =
                 size.map(|size| known.direction.iter().map(|part| size * part).collect()).ok_or(ALIKE);
-            let point = shelf.points[place].0.clone();
+            let point = shelf.points[chosen].0.clone();
             Hidden { candidate: shelf.candidate, amplitude: Some(index), point, amplitudes }
         };
         (0..candidate.amplitudes.len()).filter(is_asked).map(of_amplitude).collect()
@@ -183,14 +187,13 @@ impl Certifier<'_> {
         let hidden = |point: Vec<f64>, amplitudes| {
             Some(Hidden { candidate: shelf.candidate, amplitude: None, point, amplitudes })
         };
-        let one_parameter = |(point, regressors): &(Vec<f64>, std::sync::Arc<Vec<_>>)| match point.as_slice()
-        {
+        let one_parameter = |(point, regressors): &(Vec<f64>, Arc<Vec<_>>)| match point.as_slice() {
             &[value] if value != 0.0 => Some((value, root(regressors) / value.abs())),
             _ => None,
         };
         let slopes: Vec<(f64, f64)> = shelf.points.iter().filter_map(one_parameter).collect();
         if slopes.is_empty() {
-            let is_told = |(_, regressors): &(Vec<f64>, std::sync::Arc<Vec<_>>)| {
+            let is_told = |(_, regressors): &(Vec<f64>, Arc<Vec<_>>)| {
                 root(regressors) >= self.threshold.root_of_fixed(ln_odds)
             };
             return if shelf.points.iter().all(is_told) { None } else { hidden(Vec::new(), Err(TOO_SMALL)) };
@@ -284,7 +287,7 @@ impl Certifier<'_> {
             let source = problem.model.source_of(sensor, candidate.port)?;
             problem.model.sources.get(source)
         };
-        let first = crate::description::sensors_of(candidate).first().and_then(|&sensor| source(sensor));
+        let first = sensors_of(candidate).first().and_then(|&sensor| source(sensor));
         let unit = first.map_or("", |source| source.unit.name()).to_owned();
         let Some(amplitudes) = amplitudes else { return (None, unit) };
         let columns = columns(candidate, point, problem.time_s());
@@ -304,13 +307,13 @@ impl Certifier<'_> {
                 source.unit.name().to_owned(),
             ))
         };
-        let all = crate::description::sensors_of(candidate).into_iter().filter_map(of_sensor);
+        let all = sensors_of(candidate).into_iter().filter_map(of_sensor);
         all.max_by(|a, b| a.0.total_cmp(&b.0)).map_or((None, unit), |(rms, unit)| (Some(rms), unit))
     }
 }
 
 /// What is known of each of `count` amplitudes, of which some are kept, with their covariance.
-fn known(count: usize, kept_and_covariance: Option<(Vec<usize>, nalgebra::DMatrix<f64>)>) -> Vec<Known> {
+fn known(count: usize, kept_and_covariance: Option<(Vec<usize>, DMatrix<f64>)>) -> Vec<Known> {
     let unknown = || Known { sigma: f64::INFINITY, direction: vec![0.0; count], free: 0 };
     let mut all: Vec<Known> = (0..count).map(|_| unknown()).collect();
     let Some((kept, covariance)) = kept_and_covariance else { return all };

@@ -13,6 +13,7 @@ const HALVED: usize = 40;
 
 /// An effect of unknown size.
 pub struct Sought<'s> {
+    /// What it is.
     pub candidate: &'s Candidate,
     /// Logarithm of the prior odds, less what its other parameters cost.
     pub ln_prior: f64,
