@@ -85,9 +85,9 @@ fn rows(report: &Report) -> Markup {
                             code { (row.finding.effect) }
                             @if let Some(rivals) = &row.rivals { " " span.rivals { (rivals) } }
                         }
-                        td { (row.value) }
-                        td { (row.probability) }
-                        td { (row.share) }
+                        td data-label="Value" { (row.value) }
+                        td data-label="Probability" { (row.probability) }
+                        td data-label="Share" { (row.share) }
                     }
                 }
             }))

@@ -80,15 +80,15 @@ pub(super) struct Row<'r> {
     pub(super) rivals: Option<String>,
 }
 
-/// A share of the mismatch; one that is not seen in per cent is not called nothing.
+/// A share of the mismatch; one that is too small for a number is not called nothing.
 pub(super) fn shared(share: f64) -> String {
-    if share > 0.0 && share < LEAST_SHARE { "below 1 %".to_owned() } else { percent(share) }
+    if share < LEAST_SHARE { "below 1 %".to_owned() } else { percent(share) }
 }
 
 /// Share that is told as a number.
 const LEAST_SHARE: f64 = 0.005;
 
-/// The rows of findings of physics; of the noise where there is no other.
+/// The rows of findings of physics, the one with the largest share first; of the noise where there is no other.
 pub(super) fn rows(explanation: &Explanation) -> Vec<Row<'_>> {
     let row = |finding| Row {
         finding,
@@ -99,7 +99,9 @@ pub(super) fn rows(explanation: &Explanation) -> Vec<Row<'_>> {
     };
     let (noise, physics): (Vec<&Finding>, Vec<&Finding>) =
         explanation.findings.iter().partition(|it| words::is_noise(it) || it.is_no_physics());
-    let told = if physics.is_empty() { noise } else { physics };
+    let mut told = if physics.is_empty() { noise } else { physics };
+    let share = |it: &Finding| it.share.unwrap_or(0.0);
+    told.sort_by(|a, b| share(b).total_cmp(&share(a)));
     told.into_iter().map(row).collect()
 }
 
