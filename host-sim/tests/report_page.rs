@@ -80,6 +80,16 @@ fn drawn(browser: &mut Browser, plot: usize) -> String {
     browser.value(&script).as_str().unwrap().to_owned()
 }
 
+/// The first screen holds the paragraph, the picture and the table.
+fn assert_first_screen(browser: &mut Browser, height: f64) {
+    for (what, selector) in [("paragraph", ".verdict"), ("picture", ".lead .plot"), ("table", ".lead table")]
+    {
+        let bottom = format!("document.querySelector('{selector}').getBoundingClientRect().bottom");
+        let bottom = browser.value(&bottom).as_f64().unwrap();
+        assert!(bottom <= height, "{what}: {bottom}");
+    }
+}
+
 #[test]
 fn a_day_of_six_sensors_works_in_a_real_browser() {
     let Some(mut browser) = Browser::start() else { return };
@@ -107,13 +117,7 @@ fn a_day_of_six_sensors_works_in_a_real_browser() {
     assert_eq!(browser.value("document.querySelectorAll('figcaption').length"), plots);
     picture(&mut browser, "light");
 
-    // The first screen holds the paragraph, the picture and the table.
-    for (what, selector) in [("paragraph", ".verdict"), ("picture", ".lead .plot"), ("table", ".lead table")]
-    {
-        let bottom = format!("document.querySelector('{selector}').getBoundingClientRect().bottom");
-        let bottom = browser.value(&bottom).as_f64().unwrap();
-        assert!(bottom <= 900.0, "{what}: {bottom}");
-    }
+    assert_first_screen(&mut browser, 900.0);
 
     // Before and after.
     let both = read_outs(&mut browser, 0);

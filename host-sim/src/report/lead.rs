@@ -56,8 +56,9 @@ fn picture(report: &Report, charts: &[Vec<Chart>]) -> Markup {
     });
     let sensor_index = sensor_index.unwrap_or_default();
     let first: usize = charts.iter().take(sensor_index).map(Vec::len).sum();
-    match (sensors.get(sensor_index), charts.get(sensor_index).and_then(|own| own.first())) {
-        (Some(sensor), Some(chart)) => html! {
+    let chart = charts.get(sensor_index).and_then(|own| own.first());
+    html! {
+        @if let (Some(sensor), Some(chart)) = (sensors.get(sensor_index), chart) {
             section.lead aria-label={ (sensor.sensor) ", before and after" } {
                 figure {
                     p.whose { (sensor.sensor) }
@@ -65,8 +66,7 @@ fn picture(report: &Report, charts: &[Vec<Chart>]) -> Markup {
                     figcaption { strong { (chart.summary) } }
                 }
             }
-        },
-        _ => html! {},
+        }
     }
 }
 

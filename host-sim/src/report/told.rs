@@ -18,31 +18,28 @@ pub(super) fn paragraph(report: &Report) -> String {
         return words::verdict(explanation.verdict).to_owned();
     };
     let said = words::in_short(first, report.recorded.length_s);
-    let mut text =
-        format!("{} (probability {}).", said.trim_end_matches('.'), words::sure(first.evidence.p_value));
+    let mut sentences = vec![format!(
+        "{} (probability {}).",
+        said.trim_end_matches('.'),
+        words::sure(first.evidence.p_value)
+    )];
     let others = explanation.findings.iter().filter(|it| !it.is_no_physics()).count().saturating_sub(1);
     let all = explanation.explained_share.filter(|_| others > 0).map(|share| {
         let findings = if others == 1 { "the other finding" } else { "the other findings" };
-        format!("with {findings} {}", shared(share))
+        format!(", with {findings} {}", shared(share))
     });
-    match (first.share, all) {
-        (Some(share), Some(all)) => {
-            text.push_str(&format!(" It explains {} of the mismatch, {all}.", shared(share)));
-        }
-        (Some(share), None) => text.push_str(&format!(" It explains {} of the mismatch.", shared(share))),
-        (None, _) => {}
+    if let Some(share) = first.share {
+        let all = all.unwrap_or_default();
+        sentences.push(format!("It explains {} of the mismatch{all}.", shared(share)));
     }
     if let Some(it) = explanation.impact.as_ref().filter(|it| it.position_m >= LEAST_POSITION_M) {
-        text.push_str(&format!(
-            " Left uncorrected, the errors of {} put a navigation solution {}.",
-            it.sensor,
-            impact(it)
-        ));
+        let (sensor, off) = (&it.sensor, impact(it));
+        sentences.push(format!("Left uncorrected, the errors of {sensor} put a navigation solution {off}."));
     }
     if let Some(remainder) = &explanation.remainder {
-        text.push_str(&format!(" Something is left over in {}.", remainder.sensor));
+        sentences.push(format!("Something is left over in {}.", remainder.sensor));
     }
-    text
+    sentences.join(" ")
 }
 
 /// The finding that a paragraph is of: that with the largest share of the mismatch, of physics where there is any.

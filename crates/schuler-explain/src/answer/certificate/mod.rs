@@ -20,7 +20,7 @@ use crate::evidence::fit::{Bench, Description};
 use crate::evidence::system::Described;
 use crate::explanation::{At, Bound};
 use crate::nominal::Model;
-use crate::search::beside::Beside;
+use crate::search::beside::{Beside, Normal};
 use crate::search::library::Shelf;
 use crate::search::reaches::{Reach, reaches};
 
@@ -150,7 +150,7 @@ impl Certifier<'_> {
         let points: Vec<Vec<Known>> = (shelf.points.iter())
             .map(|(_, regressors)| {
                 let normal = self.beside.normal(&self.described, regressors);
-                let covariance = normal.as_ref().and_then(|it| it.covariance());
+                let covariance = normal.as_ref().and_then(Normal::covariance);
                 known(candidate.amplitudes.len(), normal.map(|it| it.kept).zip(covariance))
             })
             .collect();
