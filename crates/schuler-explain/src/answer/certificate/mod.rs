@@ -1,8 +1,8 @@
 //! What could still hide: of each effect of the mean and each sensor the largest that would not have been found.
 //!
-//! An effect is found where its evidence passes the posterior at which findings are told. Beside all that is described its amplitude
-//! would be known within σ, from the same sums and weights as the evidence. [`size`] says how many σ pass in how many of a hundred
-//! records. Of an effect with parameters in which it is not linear the bound is that which holds in most of their reach.
+//! An effect is found where its evidence passes the posterior that findings need. Its amplitude would be known within σ beside all that
+//! is described, from the same sums and weights as the evidence. [`size`] says how many σ pass in how many of a hundred records. Of an
+//! effect with parameters in which it is not linear the bound is that which holds in most of their reach.
 //!
 //! Noises have no bound here: how well a noise is known is a standard deviation of its own.
 mod missing;

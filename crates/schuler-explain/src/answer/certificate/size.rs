@@ -68,14 +68,14 @@ impl<'c> Threshold<'c> {
         let gain = if products.is_empty() {
             ln_gain(sigmas * sigmas, sought.free, self.config)
         } else {
-            let of_place = |&[product, information]: &[f64; 2]| {
+            let gain_at = |&[product, information]: &[f64; 2]| {
                 if information > 0.0 {
                     ln_gain((amplitude * product).powi(2) / information, sought.free, self.config)
                 } else {
                     f64::NEG_INFINITY
                 }
             };
-            ln_mean(products.iter().map(of_place))
+            ln_mean(products.iter().map(gain_at))
         };
         gain + ln_plausibility(sought.candidate.amplitudes.iter(), &values, self.config) + sought.ln_prior
     }
