@@ -133,7 +133,7 @@ class At(TypedDict):
 
 
 class Bound(TypedDict):
-    """The largest effect of a kind that could still hide in the readings of a sensor; None where the recording cannot tell."""
+    """The largest effect of a kind that could still hide; None where the recording cannot tell."""
 
     sensor: str
     effect: str
