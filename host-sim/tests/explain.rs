@@ -100,6 +100,19 @@ fn a_drift_with_the_rate_of_temperature_is_said_shown_and_written() {
     let coefficient = parameters.iter().find(|it| it["name"] == "coefficient").unwrap();
     let (value, sigma) = (coefficient["value"].as_f64().unwrap(), coefficient["sigma"].as_f64().unwrap());
     assert!((value - 0.02).abs() < 4.0 * sigma, "{value} ± {sigma}");
+
+    // How much of the mismatch that is, what it does, which noise was taken, and what could still be there.
+    let [share, all] =
+        [&json["findings"][0]["share"], &json["explained_share"]].map(|it| it.as_f64().unwrap());
+    assert!((0.0..=1.0).contains(&share) && share <= all + 1e-9 && all <= 1.0, "{share} of {all}");
+    assert!(json["noise"].as_array().is_some_and(|it| !it.is_empty()));
+    let certificate = json["certificate"].as_array().unwrap();
+    let (known, unknown): (Vec<&Value>, Vec<&Value>) =
+        certificate.iter().partition(|it| it["bound"].is_f64());
+    assert!(!known.is_empty() && known.iter().all(|it| it["adds_rms"].as_f64().is_some_and(|rms| rms > 0.0)));
+    assert!(!unknown.is_empty() && unknown.iter().all(|it| it["because"].is_string()));
+    let listed = text(&explain(&[case, "--certificate"]).stdout);
+    assert!(listed.contains("the largest effects that would not have been found"), "{listed}");
 }
 
 #[test]

@@ -64,6 +64,14 @@ pub struct Config {
     pub ln_odds_of_faults: f64,
     /// Whether the description is judged on stretches that were held out.
     pub hold_out: bool,
+    /// Whether it is computed what could still hide.
+    pub certify: bool,
+    /// Probability with which an effect of the size of a bound of the certificate is found. Nearer to 1 bounds are larger: 0.999 adds 0.8
+    /// standard deviations to those of 0.99.
+    pub found_at: f64,
+    /// Part of the places, times or frequencies of an effect in which its bound holds. At 1 it is that of a step in the last rows,
+    /// which may be of any size.
+    pub certified_part: f64,
 }
 
 impl Config {
@@ -77,11 +85,14 @@ impl Config {
     /// # Errors
     /// [`Error::Config`] names the field that is out of range.
     pub fn check(&self) -> Result<(), Error> {
-        if self.told_at > 0.0 && self.told_at < 1.0 {
-            return Ok(());
+        let probabilities = [("probability", self.told_at), ("found_at", self.found_at)];
+        match probabilities.into_iter().find(|(_, value)| !(*value > 0.0 && *value < 1.0)) {
+            None => Ok(()),
+            Some((name, value)) => {
+                let (found, expected) = (value.to_string(), "a probability between 0 and 1");
+                Err(Error::Config { name, found, expected })
+            }
         }
-        let (found, expected) = (self.told_at.to_string(), "a probability between 0 and 1");
-        Err(Error::Config { name: "probability", found, expected })
     }
 }
 
@@ -116,6 +127,9 @@ impl Default for Config {
             least_class_probability: 0.01,
             ln_odds_of_faults: -7.0,
             hold_out: true,
+            certify: true,
+            found_at: 0.99,
+            certified_part: 0.9,
         }
     }
 }

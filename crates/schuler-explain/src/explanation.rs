@@ -1,10 +1,15 @@
 //! The answer: what differs, which physics was left out, how large it is, how sure that is, and what it gains.
 //!
 //! [`Explanation`] serialises to `schuler-explanation/2`.
+mod bound;
+mod consequence;
+
 use serde::ser::SerializeStruct;
 use serde::{Serialize, Serializer};
 
 use crate::catalogue::{Effect, IN_COMMON, named};
+pub use bound::{At, Bound};
+pub use consequence::{Impact, NoiseNumbers, NoiseOfSensor};
 
 /// What the format's key `format` says.
 pub const FORMAT: &str = "schuler-explanation/2";
@@ -25,6 +30,20 @@ pub struct Explanation {
     /// What is left where the catalogue does not suffice.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub remainder: Option<Remainder>,
+    /// Share of the mismatch that the findings explain together: of what whitened residuals have more of than noise has. Absent where there
+    /// is hardly a mismatch.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub explained_share: Option<f64>,
+    /// What the findings of the sensor with the largest error do to a navigation solution; absent where they are of no inertial sensor.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub impact: Option<Impact>,
+    /// The noise of every sensor.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub noise: Vec<NoiseOfSensor>,
+    /// What could still hide: of each effect of the mean and each sensor the largest that would not have been found; empty where
+    /// [`Config::certify`](crate::config::Config::certify) says not to compute it.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub certificate: Vec<Bound>,
     /// What the user should be told.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
@@ -64,6 +83,12 @@ pub struct Finding {
     pub parameters: Vec<Parameter>,
     /// How sure it is.
     pub evidence: Evidence,
+    /// Share of the mismatch that it explains; absent where there is hardly one, and of readings that are set aside.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub share: Option<f64>,
+    /// What it does to a navigation solution; absent where it is of no inertial sensor.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub impact: Option<Impact>,
     /// One plain sentence.
     pub sentence: String,
 }
@@ -316,6 +341,8 @@ mod tests {
                 interval_s: [0.0, 1.0],
                 parameters,
                 evidence: Evidence { gain_nats: 20.0, p_value: 1e-6 },
+                share: None,
+                impact: None,
                 sentence: String::new(),
             };
             finding.is_no_physics()

@@ -39,16 +39,6 @@ fn function_of(parameters: &[Parameter]) -> Option<String> {
     })
 }
 
-/// The parameters as a sentence quotes them: the delay of what comes early without its sign.
-pub fn quoted(parameters: &[Parameter]) -> Vec<Parameter> {
-    let early = is_early(parameters);
-    let turned = |parameter: &Parameter| match (parameter.name.as_str(), parameter.value) {
-        ("delay_s", Some(value)) if early => Parameter { value: Some(-value), ..parameter.clone() },
-        _ => parameter.clone(),
-    };
-    parameters.iter().map(turned).collect()
-}
-
 fn is_early(parameters: &[Parameter]) -> bool {
     parameters.iter().any(|it| it.name == "delay_s" && it.value.is_some_and(|value| value < 0.0))
 }
@@ -68,7 +58,7 @@ pub fn sentence(
         String::new()
     };
     let said = said(candidate.effect, sensor, parameters);
-    let numbers: Vec<String> = quoted(parameters)
+    let numbers: Vec<String> = parameters
         .iter()
         .filter(|parameter| parameter.name != "onset_s")
         .map(|parameter| {
@@ -148,8 +138,6 @@ mod tests {
         let effect = CATALOGUE.iter().find(|effect| effect.id == "time_delay").expect("a row");
         assert_eq!(said(effect, "log", &delay(0.3)), "log comes late");
         assert_eq!(said(effect, "log", &delay(-1.46)), "log comes early, or its reference late");
-        assert_eq!(quoted(&delay(-1.46))[0].value, Some(1.46));
-        assert_eq!(quoted(&delay(0.3))[0].value, Some(0.3));
     }
 
     #[test]

@@ -41,6 +41,9 @@ Examples:
   What is no more than as likely as not as well:
     schuler explain run_17/case.toml --probability 0.5
 
+  How large an effect of each kind could be without having been found:
+    schuler explain run_17/case.toml --certificate
+
   With the block by which the flight module takes the effects out:
     schuler explain run_17/case.toml --compensation run_17.block
 
@@ -72,6 +75,9 @@ pub(super) struct Arguments {
 /// How it is explained, and where that is shown.
 #[derive(Debug, clap::Args)]
 pub(super) struct Shown {
+    /// List as well the largest effects that could still hide in each sensor; --json and the page have them always.
+    #[arg(long)]
+    certificate: bool,
     /// Write the explanation as one HTML page that needs nothing beside it.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
@@ -201,6 +207,9 @@ pub(super) fn explain(
     session.answer(&answer, |answer| {
         let mut text = answer.proposal.map(|written| init::words(written) + "\n").unwrap_or_default();
         text.push_str(&report.text());
+        if shown.certificate {
+            text.push_str(&report.certificate());
+        }
         text.push_str(&words(&answer.compensation));
         text.push_str(&exported::words(&answer.exported));
         text.push_str(&into::words(&answer.not_in_the_scenario));

@@ -4,15 +4,21 @@
 //! | --- | --- |
 //! | `number` | values with their uncertainty, units, times |
 //! | `words` | the sentences |
+//! | `told` | the paragraph above all, noise, and what could still hide |
 //! | `page` | the page |
+//! | `lead` | its first screen |
+//! | `folded` | what is folded below |
 //! | `charts` | what the page's plots show, thinned |
 //! | `thin` | long series with the same outline and few points |
 //! | `figures` | the same as figures in files |
 mod charts;
 mod figures;
+mod folded;
+mod lead;
 mod number;
 mod page;
 mod thin;
+mod told;
 mod words;
 
 use std::path::Path;
@@ -103,6 +109,11 @@ impl Report {
     pub fn sentences(&self) -> Vec<String> {
         let findings = self.explanation.findings.iter();
         findings.map(|finding| words::finding(finding, self.recorded.length_s)).collect()
+    }
+
+    /// The largest effects that could still hide, for the terminal.
+    pub fn certificate(&self) -> String {
+        words::certificate(self)
     }
 
     /// One HTML page that needs nothing beside it.

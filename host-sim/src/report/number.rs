@@ -68,12 +68,14 @@ pub(super) fn plain(value: f64, digits: usize) -> String {
     format!("{mantissa}·10{}", raised(exponent))
 }
 
+/// Probability below which a number says nothing to anybody.
+const LEAST_PROBABILITY: f64 = 1e-9;
+
 /// A probability.
 pub(super) fn probability(p: f64) -> String {
     match p {
         p if p >= 0.01 => format!("p = {p:.2}"),
-        // Smaller than the numbers that it is kept in.
-        p if p < f64::MIN_POSITIVE => "p < 10⁻³⁰⁷".to_owned(),
+        p if p < LEAST_PROBABILITY => "p < 10⁻⁹".to_owned(),
         p => format!("p = {}", plain(p, 1)),
     }
 }
@@ -183,8 +185,8 @@ mod tests {
     fn very_small_numbers_have_a_power_of_ten() {
         assert_eq!(plain(3.0e-12, 2), "3.0·10⁻¹²");
         assert_eq!(probability(0.2), "p = 0.20");
-        assert_eq!(probability(0.0), "p < 10⁻³⁰⁷");
+        assert_eq!(probability(0.0), "p < 10⁻⁹");
         assert_eq!(probability(3e-5), "p = 3·10⁻⁵");
-        assert_eq!(probability(9.96e-81), "p = 1·10⁻⁸⁰");
+        assert_eq!(probability(9.96e-7), "p = 1·10⁻⁶");
     }
 }

@@ -6,10 +6,9 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use schuler_explain::catalogue::named;
 use schuler_explain::explanation::{BeforeAfter, Finding, Fit, Goodness};
 
-use super::Report;
 use super::charts::{self, Chart};
-use super::number::{duration, plain, probability};
-use super::words;
+use super::number::{plain, probability};
+use super::{Report, folded, lead, told, words};
 use crate::plot::printable;
 
 const PLOT_SCRIPT: &str = include_str!("assets/uPlot.iife.min.js");
@@ -42,12 +41,15 @@ pub(super) fn html(report: &Report) -> String {
             }
             body {
                 a.skip href="#findings" { "To the findings" }
-                (top(report, title))
+                (lead::top(report, title))
                 main {
+                    (lead::screen(report, &charts))
                     (findings(report))
                     (better(&report.explanation.fit))
                     (located(report))
                     (left_over(report))
+                    (folded::noise(&report.explanation))
+                    (folded::certificate(&report.explanation))
                     (evidence(report, &charts))
                     (about(report))
                 }
@@ -67,32 +69,6 @@ fn embedded(charts: &[Vec<Chart>]) -> String {
     serde_json::to_string(&flat).unwrap_or_else(|_| "[]".to_owned()).replace('<', "\\u003c")
 }
 
-fn top(report: &Report, title: &str) -> Markup {
-    let verdict = report.explanation.verdict;
-    let recorded = &report.recorded;
-    html! {
-        header.top {
-            h1 { (title) }
-            p.meta {
-                (recorded.case) ": " (duration(recorded.length_s)) " in steps of " (recorded.step_s) " s, "
-                (recorded.sensors.len()) @if recorded.sensors.len() == 1 { " sensor" } @else { " sensors" }
-                @if recorded.rows_in_gaps > 0 { ", " (recorded.rows_in_gaps) " of " (recorded.rows) " rows in gaps" }
-            }
-            p.verdict { strong { (words::heading(verdict)) "." } " " (words::verdict(verdict)) }
-        }
-        nav.bar aria-label="View" {
-            fieldset.views {
-                legend { "Plots show" }
-                @for (value, label) in [("before", "before"), ("after", "after"), ("both", "both")] {
-                    label { input type="radio" name="view" value=(value) checked[value == "both"]; span { (label) } }
-                }
-            }
-            button #theme type="button" aria-pressed="false" { "Dark" }
-        }
-        noscript { p.flag { "The plots need JavaScript. Findings and tables are complete without it." } }
-    }
-}
-
 fn findings(report: &Report) -> Markup {
     let all = &report.explanation.findings;
     html! {
@@ -103,7 +79,7 @@ fn findings(report: &Report) -> Markup {
                 (finding(report, index, it))
             }
             @if all.iter().any(words::is_noise) {
-                h2 { (words::NOISE.trim_end_matches(':')) }
+                h3.noise { (words::NOISE.trim_end_matches(':')) }
                 @for (index, it) in all.iter().enumerate().filter(|(_, it)| words::is_noise(it)) {
                     (finding(report, index, it))
                 }
@@ -118,8 +94,8 @@ fn finding(report: &Report, index: usize, it: &Finding) -> Markup {
     let shown = sensors.iter().position(|sensor| sensor.findings.contains(&index));
     let shown = shown.or_else(|| sensors.iter().position(|sensor| sensor.sensor == it.sensor));
     html! {
-        article.finding {
-            h3 { (words::finding(it, report.recorded.length_s)) }
+        details.finding {
+            summary { (words::finding(it, report.recorded.length_s)) }
             @if let Some(warning) = words::implausible(it) { p.flag role="note" { (warning) } }
             dl {
                 dt { "Left out" }
@@ -130,6 +106,11 @@ fn finding(report: &Report, index: usize, it: &Finding) -> Markup {
                 dt { "Evidence" }
                 dd {
                     "probability " (words::sure(it.evidence.p_value)) ", log odds " (plain(it.evidence.gain_nats, 3)) " nats"
+                    @if let Some(share) = it.share { ", " (told::shared(share)) " of the mismatch" }
+                }
+                @if let Some(impact) = &it.impact {
+                    dt { "Left uncorrected" }
+                    dd { "a navigation solution is " (told::impact(impact)) }
                 }
             }
             @if !it.parameters.is_empty() {
@@ -165,7 +146,8 @@ fn finding(report: &Report, index: usize, it: &Finding) -> Markup {
     }
 }
 
-fn table(heads: &[&str], rows: &Markup) -> Markup {
+/// A table that can be scrolled to its sides.
+pub(super) fn table(heads: &[&str], rows: &Markup) -> Markup {
     html! {
         div.table tabindex="0" role="region" aria-label=(heads.join(", ")) {
             table {
@@ -209,7 +191,13 @@ fn located(report: &Report) -> Markup {
                 p { "No test found a place where the recording differs from its simulation." }
             } @else {
                 p { "Before anything is named; p-values are corrected for the number of tests." }
-                ul { @for it in all { li { (words::located(it)) } } }
+                ul { @for it in words::foremost(all) { li { (words::located(it)) } } }
+                @if all.len() > words::LOCATED {
+                    details {
+                        summary { "All " (all.len()) }
+                        ul { @for it in all { li { (words::located(it)) } } }
+                    }
+                }
             }
         }
     }
@@ -243,8 +231,8 @@ fn evidence(report: &Report, charts: &[Vec<Chart>]) -> Markup {
             @for (index, ((sensor, of_sensor), first)) in
                 report.evidence.sensors.iter().zip(charts).zip(firsts).enumerate()
             {
-                section.sensor id={ "sensor-" (index) } {
-                    h3 { (sensor.sensor) }
+                details.sensor id={ "sensor-" (index) } {
+                    summary { (sensor.sensor) ": " (of_sensor.len()) " plots" }
                     div.plots {
                         @for (place, chart) in of_sensor.iter().enumerate() { (figure(first + place, chart)) }
                     }
@@ -258,8 +246,7 @@ fn figure(index: usize, chart: &Chart) -> Markup {
     html! {
         figure {
             h4 { (chart.title) }
-            div.plot data-chart=(index) tabindex="0" role="group"
-                aria-label={ (chart.title) ": " (chart.y_label) " over " (chart.x_label) ". " (chart.summary) } {}
+            (plot(index, chart))
             div.tools {
                 @for (act, sign, label) in [
                     ("in", "+", "Zoom in"),
@@ -273,6 +260,14 @@ fn figure(index: usize, chart: &Chart) -> Markup {
             }
             figcaption { (chart.caption) " " strong { (chart.summary) } }
         }
+    }
+}
+
+/// The place of a plot, with what it shows for those who do not see it.
+pub(super) fn plot(index: usize, chart: &Chart) -> Markup {
+    html! {
+        div.plot data-chart=(index) tabindex="0" role="group"
+            aria-label={ (chart.title) ": " (chart.y_label) " over " (chart.x_label) ". " (chart.summary) } {}
     }
 }
 

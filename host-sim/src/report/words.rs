@@ -3,16 +3,19 @@ use std::fmt::Write;
 
 use schuler_explain::catalogue::{Effect, named};
 use schuler_explain::explanation::{BeforeAfter, Finding, Located, Member, Parameter, Remainder, Verdict};
-use schuler_explain::sentence::{begun, of_stated, quoted as quoted_parameters, said};
+use schuler_explain::sentence::{begun, of_stated, said};
 use schuler_recording::error::rounded;
 
-use super::Report;
 use super::number::{duration, plain, probability, quoted};
+use super::{Report, told};
 
 /// A finding that begins or ends within this part of the recording's length from its ends is over the whole of it.
 const WHOLE: f64 = 0.001;
 /// Columns of the terminal that are used.
 const COLUMNS: usize = 100;
+
+/// Places that are told where recording and simulation differ.
+pub(super) const LOCATED: usize = 5;
 
 /// The verdict as a heading.
 pub(super) fn heading(verdict: Verdict) -> &'static str {
@@ -40,17 +43,26 @@ pub(super) fn verdict(verdict: Verdict) -> &'static str {
 
 /// "From 3 h 12 min on, gyro_x drifts with the rate of its temperature: 1.90 ± 0.04 °/h per K/h."
 pub(super) fn finding(finding: &Finding, length_s: f64) -> String {
-    // The answer's own sentence is for those who have nothing but the answer.
-    let Some(effect) = named(&finding.effect) else { return finding.sentence.clone() };
-    let said = said(effect, &finding.subject(), &finding.parameters);
-    let quoted = quoted_parameters(&finding.parameters);
-    let (numbers, others): (Vec<&Parameter>, Vec<&Parameter>) =
-        quoted.iter().partition(|it| it.text.is_none());
-    let numbers: Vec<String> = numbers.iter().map(|it| parameter(it, numbers.len() == 1)).collect();
-    let others: Vec<String> = others.iter().map(|it| parameter(it, false)).collect();
-    let numbers = if numbers.is_empty() { String::new() } else { format!(": {}", numbers.join(", ")) };
+    let others: Vec<String> =
+        finding.parameters.iter().filter(|it| it.text.is_some()).map(|it| parameter(it, false)).collect();
     let others = if others.is_empty() { String::new() } else { format!(" ({})", others.join(", ")) };
-    begun(&format!("{}{said}{numbers}{others}.", when(finding.interval_s, length_s)))
+    match named(&finding.effect) {
+        Some(_) => format!("{}{others}.", in_short(finding, length_s)),
+        // The answer's own sentence is for those who have nothing but the answer.
+        None => finding.sentence.clone(),
+    }
+}
+
+/// The same without the parameters that are words, and without a full stop.
+pub(super) fn in_short(finding: &Finding, length_s: f64) -> String {
+    let Some(effect) = named(&finding.effect) else {
+        return finding.sentence.trim_end_matches('.').to_owned();
+    };
+    let said = said(effect, &finding.subject(), &finding.parameters);
+    let numbers: Vec<&Parameter> = finding.parameters.iter().filter(|it| it.text.is_none()).collect();
+    let numbers: Vec<String> = numbers.iter().map(|it| parameter(it, numbers.len() == 1)).collect();
+    let numbers = if numbers.is_empty() { String::new() } else { format!(": {}", numbers.join(", ")) };
+    begun(&format!("{}{said}{numbers}", when(finding.interval_s, length_s)))
 }
 
 /// "From 3 h 12 min on, "; nothing for the whole recording.
@@ -172,6 +184,18 @@ pub(super) fn rival_words(rivals: &[Member]) -> Vec<RivalWords> {
     groups.into_iter().map(words).collect()
 }
 
+/// The few places that are told: of each sensor its most significant before the second of another, by sensor.
+pub(super) fn foremost(all: &[Located]) -> Vec<&Located> {
+    let rank =
+        |index: usize, it: &Located| all[..index].iter().filter(|other| other.sensor == it.sensor).count();
+    let mut ranked: Vec<(usize, &Located)> =
+        all.iter().enumerate().map(|(index, it)| (rank(index, it), it)).collect();
+    ranked.sort_by_key(|(rank, _)| *rank);
+    ranked.truncate(LOCATED);
+    ranked.sort_by(|a, b| a.1.sensor.cmp(&b.1.sensor));
+    ranked.into_iter().map(|(_, it)| it).collect()
+}
+
 /// Where and when they differ.
 pub(super) fn located(located: &Located) -> String {
     let mut text = format!("{}: {}", located.sensor, located.what.trim().trim_end_matches('.'));
@@ -231,7 +255,11 @@ pub(super) fn is_noise(finding: &Finding) -> bool {
 /// How sure a finding is.
 fn evidence(finding: &Finding) -> String {
     let (odds, sure) = (plain(finding.evidence.gain_nats, 3), sure(finding.evidence.p_value));
-    format!("Probability {sure}, log odds {odds} nats")
+    let mut text = format!("Probability {sure}, log odds {odds} nats");
+    if let Some(share) = finding.share {
+        let _ = write!(text, ", {} of the mismatch", told::shared(share));
+    }
+    text
 }
 
 /// What is not plausible in a finding, and what else it may be.
@@ -262,7 +290,7 @@ pub(super) fn text(report: &Report) -> String {
         ),
     );
     text.blank();
-    text.line(0, verdict(explanation.verdict));
+    text.line(0, &told::paragraph(report));
     let (noise, others): (Vec<&Finding>, Vec<&Finding>) =
         explanation.findings.iter().partition(|it| is_noise(it));
     for (index, it) in others.into_iter().enumerate() {
@@ -286,17 +314,43 @@ pub(super) fn text(report: &Report) -> String {
     if !explanation.located.is_empty() {
         text.blank();
         text.line(0, "Where they differ, before anything is named:");
-        for it in &explanation.located {
+        for it in foremost(&explanation.located) {
             text.line(2, &located(it));
         }
+        if explanation.located.len() > LOCATED {
+            text.line(2, &format!("and {} more", explanation.located.len() - LOCATED));
+        }
+    }
+    if !explanation.noise.is_empty() {
+        text.blank();
+        text.line(0, "Noise:");
+        explanation.noise.iter().for_each(|it| text.line(2, &told::noise_line(it)));
     }
     if let Some(it) = &explanation.remainder {
         text.blank();
         text.line(0, &remainder(it));
     }
+    if !explanation.certificate.is_empty() {
+        text.blank();
+        text.line(0, "What could still hide, of each sensor the effect that would add most (99 % sure):");
+        for (sensor, bounds) in told::certified(explanation) {
+            text.line(2, &told::certified_line(sensor, &bounds));
+        }
+    }
     for note in &explanation.notes {
         text.blank();
         text.line(0, &format!("Note: {note}"));
+    }
+    text.0
+}
+
+/// Everything that could still hide, for the terminal.
+pub(super) fn certificate(report: &Report) -> String {
+    let mut text = Paragraphs::default();
+    text.blank();
+    text.line(0, "What could still hide, the largest effects that would not have been found (99 % sure):");
+    for line in told::certificate(&report.explanation) {
+        text.line(if line.starts_with(' ') { 4 } else { 2 }, &line);
     }
     text.0
 }
@@ -356,6 +410,8 @@ mod tests {
                 ..Parameter::default()
             }],
             evidence: Evidence { gain_nats: 812.4, p_value: 1e-12 },
+            share: None,
+            impact: None,
             sentence: "gyro_x drifts with the rate of its temperature".into(),
         }
     }

@@ -8,8 +8,8 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 use schuler_explain::diagnostics::{CaseArrays, Cause, Part, SensorArrays, evidence};
 use schuler_explain::explanation::{
-    BeforeAfter, Evidence, Explanation, FORMAT, Finding, Fit, Goodness, Located, Member, Parameter,
-    Remainder, Verdict,
+    At, BeforeAfter, Bound, Evidence, Explanation, FORMAT, Finding, Fit, Goodness, Impact, Located, Member,
+    NoiseNumbers, NoiseOfSensor, Parameter, Remainder, Verdict,
 };
 use schuler_recording::unit::Unit;
 
@@ -152,6 +152,10 @@ pub fn nothing_found() -> Report {
         findings: Vec::new(),
         located: Vec::new(),
         remainder: None,
+        explained_share: None,
+        impact: None,
+        noise: Vec::new(),
+        certificate: Vec::new(),
         notes: Vec::new(),
         ..report.explanation
     };
@@ -192,6 +196,8 @@ fn explanation(prefix: &str, names: &[String]) -> Explanation {
                 interval_s: [0.0, ROWS as f64],
                 parameters: vec![parameter("coefficient", 0.5012, 0.0123, "deg/h/(K/h)", Some(true))],
                 evidence: Evidence { gain_nats: 812.4, p_value: 1e-12 },
+                share: Some(0.61),
+                impact: Some(impact(&names[0])),
                 sentence: format!("{} drifts with the rate of its temperature", names[0]),
             },
             Finding {
@@ -206,6 +212,8 @@ fn explanation(prefix: &str, names: &[String]) -> Explanation {
                     parameter("onset_s", 30_013.0, 40.0, "s", None),
                 ],
                 evidence: Evidence { gain_nats: 96.1, p_value: 4e-5 },
+                share: Some(0.2),
+                impact: None,
                 sentence: format!("the bias of {} steps", names[1]),
             },
         ],
@@ -234,6 +242,47 @@ fn explanation(prefix: &str, names: &[String]) -> Explanation {
             on: Some(format!("{prefix}supply")),
             gain_nats: 14.2,
         }),
+        explained_share: Some(0.81),
+        impact: Some(impact(&names[0])),
+        noise: names.iter().map(|name| noise(name)).collect(),
+        certificate: names.iter().flat_map(|name| certificate(name)).collect(),
         notes: vec![format!("{prefix}Column temp_x has steps of 0.0625 K.")],
     }
+}
+
+fn impact(sensor: &str) -> Impact {
+    Impact { sensor: sensor.to_owned(), after_s: 3600.0, position_m: 1230.0, attitude_deg: 0.011 }
+}
+
+fn noise(sensor: &str) -> NoiseOfSensor {
+    let stated = NoiseNumbers { white: 0.2, ..NoiseNumbers::default() };
+    NoiseOfSensor {
+        sensor: sensor.to_owned(),
+        unit: "deg/h".to_owned(),
+        found: NoiseNumbers { markov: vec![[0.05, 300.0]], ..stated.clone() },
+        stated: Some(stated),
+        nu: Some(64.0),
+        holds_within: 0.088,
+    }
+}
+
+/// One effect with a bound and one without.
+fn certificate(sensor: &str) -> [Bound; 2] {
+    let bound = Bound { sensor: sensor.to_owned(), adds_unit: "deg/h".to_owned(), ..Bound::default() };
+    [
+        Bound {
+            effect: "bias_warmup".to_owned(),
+            parameter: "coefficient".to_owned(),
+            bound: Some(0.0221),
+            unit: "deg/h".to_owned(),
+            at: vec![At { name: "tau_s".to_owned(), value: 12_649.0, unit: "s".to_owned() }],
+            adds_rms: Some(0.00598),
+            ..bound.clone()
+        },
+        Bound {
+            effect: "dead_zone".to_owned(),
+            because: Some("the recording lacks what it needs: input below the threshold".to_owned()),
+            ..bound
+        },
+    ]
 }

@@ -82,6 +82,8 @@ fn finding(bench: &Bench<'_>, description: &Description, posterior: &Posterior) 
         interval_s,
         parameters,
         evidence: Evidence { gain_nats: posterior.ln_odds, p_value: (1.0 + posterior.ln_odds.exp()).recip() },
+        share: None,
+        impact: None,
     }
 }
 
@@ -202,6 +204,8 @@ fn of_fault(rows: &OverRows<'_>, fault: &Fault) -> Option<Finding> {
         interval_s,
         parameters,
         evidence: Evidence { gain_nats: fault.evidence, p_value: (1.0 + ln_odds.exp()).recip() },
+        share: None,
+        impact: None,
     })
 }
 

@@ -9,15 +9,23 @@
 //! | [`held_out`] | how well it predicts what it was not fitted to |
 //! | [`located`] | where record and simulation differ, and what is left |
 //! | [`mod@arrays`] | what shows that it holds |
+//! | [`shares`] | which share of the mismatch each finding explains |
+//! | [`impact`] | what they do to a navigation solution |
+//! | [`noise_table`] | the noise of every sensor |
+//! | [`certificate`] | what could still hide |
 //! | [`mod@model`] | what the findings add, as a model for a simulation |
 pub mod arrays;
+pub mod certificate;
 pub mod findings;
 pub mod held_out;
+pub mod impact;
 pub mod located;
 pub mod model;
+pub mod noise_table;
 pub mod parameters;
 pub mod polish;
 pub mod posterior;
+pub mod shares;
 
 use arrays::arrays;
 use held_out::hold_out;
@@ -45,6 +53,12 @@ pub fn told(searched: &Searched<'_>, prepared: &mut Prepared) -> (Explanation, C
     let mut found = findings::findings(&after, &posterior);
     found.extend(findings::of_readings(&after, prepared));
     findings::in_order(&mut found);
+    let (shares, explained_share) = shares::shares(&after, &found);
+    let (impacts, impact) = impact::impacts(&after, &found);
+    for ((finding, share), impact) in found.iter_mut().zip(shares).zip(impacts) {
+        (finding.share, finding.impact) = (share, impact);
+    }
+    let noise = noise_table::noise_table(&after, prepared);
     let unnamed = findings::unnamed(bench, &best, &posterior);
     let remainder = unnamed.or_else(|| located::left(&after));
     let verdict = match (found.is_empty(), remainder.is_some()) {
@@ -61,5 +75,23 @@ pub fn told(searched: &Searched<'_>, prepared: &mut Prepared) -> (Explanation, C
     notes.extend(prepared.model.notes.iter().cloned());
     let mut shown = arrays(&before, &after, &found);
     shown.model = model::model(&after, &found, &fit);
-    (Explanation { format: FORMAT, verdict, findings: found, fit, located, remainder, notes }, shown)
+    let certificate = if config.certify && !watch.is_cancelled() {
+        certificate::certificate(bench, library, &best)
+    } else {
+        Vec::new()
+    };
+    let explanation = Explanation {
+        format: FORMAT,
+        verdict,
+        findings: found,
+        fit,
+        located,
+        remainder,
+        explained_share,
+        impact,
+        noise,
+        certificate,
+        notes,
+    };
+    (explanation, shown)
 }

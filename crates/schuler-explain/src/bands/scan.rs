@@ -32,8 +32,18 @@ pub fn ramps(impulses: &[f64]) -> Vec<f64> {
 
 /// Scores of cos ωt − i sin ωt at frequencies from 0 to half a turn a row.
 pub fn lines(impulses: &[f64]) -> Lines {
-    let length = (PADDING * impulses.len()).next_power_of_two();
+    let length = padded(impulses.len());
     Lines { scores: Forward::new(length).transform(impulses.iter().copied()), step: TAU / length as f64 }
+}
+
+/// Difference of the frequencies at which a record of so many rows is scanned for lines, rad a row, and their number.
+pub fn raster(rows: usize) -> (f64, usize) {
+    let length = padded(rows);
+    (TAU / length as f64, length / 2 + 1)
+}
+
+fn padded(rows: usize) -> usize {
+    (PADDING * rows).next_power_of_two()
 }
 
 /// Scores of lines.

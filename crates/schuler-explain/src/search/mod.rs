@@ -5,6 +5,7 @@
 //! | [`library`] | every signature of a fixed shape, and what it would add to a description |
 //! | [`beside`] | scores of signatures beside what is described |
 //! | [`scans`] | the same of steps, ramps and lines, at every place |
+//! | [`reaches`] | how well such a shape would be known, over all places |
 //! | [`known`] | what was computed of parts of descriptions |
 //! | [`late`] | what comes as late as the readings that it is in |
 //! | [`levels`] | another white level in part of the rows |
@@ -30,6 +31,7 @@ pub mod moves;
 pub mod noises;
 pub mod pairs;
 pub mod passes;
+pub mod reaches;
 pub mod scans;
 pub mod telegraph;
 

@@ -30,6 +30,15 @@ class Member(TypedDict):
     separated_by: str
 
 
+class Impact(TypedDict):
+    """What errors of a sensor do to a navigation solution that does not know of them."""
+
+    sensor: str
+    after_s: float
+    position_m: float
+    attitude_deg: float
+
+
 # Not a class: `class` is a keyword.
 Finding = TypedDict(
     "Finding",
@@ -41,6 +50,8 @@ Finding = TypedDict(
         "interval_s": list[float],
         "parameters": list[Parameter],
         "evidence": Evidence,
+        "share": NotRequired[float],
+        "impact": NotRequired[Impact],
         "sentence": str,
     },
 )
@@ -91,6 +102,52 @@ class Remainder(TypedDict):
     gain_nats: float
 
 
+class NoiseNumbers(TypedDict, total=False):
+    """The numbers of a noise, in the unit of the sensor; those that are 0 are left out."""
+
+    white: float
+    markov: list[list[float]]
+    exp_cos: list[list[float]]
+    random_walk: float
+    flicker: float
+    angle: float
+
+
+class NoiseOfSensor(TypedDict):
+    """The noise of a sensor: what the case states, and what was found."""
+
+    sensor: str
+    unit: str
+    stated: NoiseNumbers | None
+    found: NoiseNumbers
+    nu: float | None
+    holds_within: float
+
+
+class At(TypedDict):
+    """The value of a parameter in which an effect is not linear."""
+
+    name: str
+    value: float
+    unit: str
+
+
+class Bound(TypedDict):
+    """The largest effect of a kind that could still hide; None where the recording cannot tell."""
+
+    sensor: str
+    effect: str
+    variant: NotRequired[list[list[str]]]
+    parameter: str
+    bound: float | None
+    unit: str
+    at: NotRequired[list[At]]
+    adds_rms: float | None
+    adds_unit: str
+    largest_plausible: NotRequired[float]
+    because: NotRequired[str]
+
+
 class Explanation(TypedDict):
     """`schuler-explanation/2`."""
 
@@ -100,6 +157,10 @@ class Explanation(TypedDict):
     fit: Fit
     located: list[Located]
     remainder: NotRequired[Remainder]
+    explained_share: NotRequired[float]
+    impact: NotRequired[Impact]
+    noise: NotRequired[list[NoiseOfSensor]]
+    certificate: NotRequired[list[Bound]]
     notes: NotRequired[list[str]]
 
 

@@ -77,6 +77,8 @@ fn deployed(sensor: &str, effect: &str, value: f64, unit: &str, words: &[(&str, 
         interval_s: [0.0, 3.0],
         parameters: std::iter::once(number.clone()).chain(words.iter().map(word)).collect(),
         evidence: Evidence { gain_nats: 50.0, p_value: 1e-9 },
+        share: None,
+        impact: None,
         sentence: String::new(),
     };
     let mut finding = finding;
@@ -92,6 +94,10 @@ fn deployed(sensor: &str, effect: &str, value: f64, unit: &str, words: &[(&str, 
         fit: Fit::default(),
         located: Vec::new(),
         remainder: None,
+        explained_share: None,
+        impact: None,
+        noise: Vec::new(),
+        certificate: Vec::new(),
         notes: Vec::new(),
     };
     let stations = Stations {
