@@ -10,6 +10,7 @@
 //! | [`located`] | where record and simulation differ, and what is left |
 //! | [`mod@arrays`] | what shows that it holds |
 //! | [`mod@model`] | what the findings add, as a model for a simulation |
+//! | [`unstated`] | the noise of sensors of which the case states none |
 pub mod arrays;
 pub mod findings;
 pub mod held_out;
@@ -18,6 +19,7 @@ pub mod model;
 pub mod parameters;
 pub mod polish;
 pub mod posterior;
+pub mod unstated;
 
 use arrays::arrays;
 use held_out::hold_out;
@@ -59,6 +61,7 @@ pub fn told(searched: &Searched<'_>, prepared: &mut Prepared) -> (Explanation, C
     let located = located::located(&before);
     let mut notes = inputs.recording.warnings.clone();
     notes.extend(prepared.model.notes.iter().cloned());
+    notes.extend(unstated::notes(&prepared.model, &best));
     let mut shown = arrays(&before, &after, &found);
     shown.model = model::model(&after, &found, &fit);
     (Explanation { format: FORMAT, verdict, findings: found, fit, located, remainder, notes }, shown)
