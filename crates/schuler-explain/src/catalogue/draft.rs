@@ -90,10 +90,10 @@ impl Plausible {
 }
 
 /// What the largest magnitude of navigation grade is to be multiplied by for a sensor.
-fn of_grade(place: &Place, tactical: f64, micromechanical: f64) -> f64 {
-    match place.grade {
+fn of_grade(of: &Place, tactical: f64, micromechanical: f64) -> f64 {
+    match of.grade {
         Some(Grade::Mems) => micromechanical,
-        _ if place.micromechanical => micromechanical,
+        _ if of.micromechanical => micromechanical,
         Some(Grade::Tactical) => tactical,
         _ => 1.0,
     }

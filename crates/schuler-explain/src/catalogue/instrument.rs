@@ -93,7 +93,7 @@ pub(super) const CLOCK_DRIFT: Effect = Effect {
         if inputs.duration_s() < LEAST_OF_DRIFT_S || inputs.is_loop() || inputs.motion.estimated {
             return Vec::new();
         }
-        let parameter = |place: &Place| Nonlinear { name: "drift", unit: "ppm", grid: drifts(inputs, place) };
+        let parameter = |of: &Place| Nonlinear { name: "drift", unit: "ppm", grid: drifts(inputs, of) };
         let signature = |time_s: &[f64], input: &[f64], drift: f64| -> Vec<f64> {
             let lost = 1e-6 * drift;
             let start_s = time_s.first().copied().unwrap_or_default();
