@@ -182,7 +182,8 @@ impl Spectrum {
             let taken = omega.sin();
             // The slope over two rows has 2 sin² ω of the mean of its noise in a bin.
             let of_noise = 4.0 * noise * taken * taken / rows;
-            let is_motion = taken > LEAST_TAKEN && power > STANDS_OUT * of_noise;
+            let is_judged = taken > LEAST_TAKEN || omega < 1.0;
+            let is_motion = is_judged && power > STANDS_OUT * of_noise;
             is_motion.then(|| (omega, (power - of_noise) * (omega / taken).powi(2)))
         });
         Self { lines: lines.collect() }
