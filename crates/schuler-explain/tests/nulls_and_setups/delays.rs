@@ -39,12 +39,10 @@ fn a_late_instrument_is_told_with_its_delay() {
 /// The instrument's clock loses or gains so much of the reference's.
 #[test]
 fn a_clock_that_drifts_is_told_with_its_drift() {
-    let all: [(f64, fn(usize, f64) -> f64); 2] = [
-        (40.0, |axis, time_s| rate(axis, time_s * (1.0 - 40e-6))),
-        (-150.0, |axis, time_s| rate(axis, time_s * (1.0 + 150e-6))),
-    ];
-    for (drift, reads) in all {
-        let explanation = Turning { reads, ..Turning::default() }.explained(0.0);
+    let slow = Turning { reads: |axis, time_s| rate(axis, time_s * (1.0 - 40e-6)), ..Turning::default() };
+    let fast = Turning { reads: |axis, time_s| rate(axis, time_s * (1.0 + 150e-6)), ..Turning::default() };
+    for (drift, turning) in [(40.0, slow), (-150.0, fast)] {
+        let explanation = turning.explained(0.0);
         assert_eq!(only(&explanation), ("imu", "clock_drift"), "{drift} ppm");
         let parameters = &explanation.findings[0].parameters;
         let told = parameters.iter().find(|it| it.name == "drift").expect("a drift");
