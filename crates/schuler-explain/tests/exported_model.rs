@@ -568,7 +568,8 @@ fn a_simulation_with_the_model_leaves_nothing_to_explain() {
     let case = case.replace("[site]", "[simulation]\n[site]");
     let again = self::recording(folder.path(), &case, &table);
     let (second, _) = explained(&again);
-    assert!(second.findings.is_empty(), "{:?}", second.findings);
+    let named = |of: &Explanation| of.findings.iter().map(|it| it.sentence.clone()).collect::<Vec<_>>();
+    assert!(second.findings.is_empty(), "{:#?} after {:#?}", named(&second), named(&first));
     let (promised, found) = (first.fit.train.after.nll_per_sample, second.fit.train.before.nll_per_sample);
     assert!((found / promised - 1.0).abs() < 1e-3, "{found}, and {promised} was promised");
 }

@@ -4,6 +4,8 @@ use std::collections::HashMap;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::{Arc, Mutex, PoisonError};
 
+use rayon::prelude::*;
+
 use super::noises::Promised;
 use crate::evidence::fit::{Bench, Description};
 
@@ -59,27 +61,38 @@ impl Known {
         known.is_some_and(|gain| gain < bench.problem.config.least_promised)
     }
 
-    /// A description with a candidate more, unless it was seen beside the same in these blocks to lose more than is worth a look.
-    pub fn if_worth(
+    /// The descriptions that moves lead to, without those that were seen beside the same to lose more than is worth a look. What is seen
+    /// now counts from now on: the answer must not depend on which of them is fitted first.
+    pub fn fitted<T: Sync>(
         &self,
         bench: &Bench<'_>,
-        description: &Description,
-        blocks: &[usize],
-        candidate: usize,
-        fit: impl FnOnce() -> Option<Description>,
-    ) -> Option<Description> {
-        let key = (state_of(bench, description, blocks), candidate);
-        if self.loses(bench, key) {
-            return None;
-        }
-        let fitted = fit();
-        let gain = fitted.as_ref().map_or(f64::NEG_INFINITY, |it| it.ln_evidence - description.ln_evidence);
+        mut moves: Vec<Move<'_, T>>,
+        fit: impl Fn(&Move<'_, T>) -> Option<Description> + Sync,
+    ) -> Vec<Description> {
+        moves.retain(|it| !self.is_hopeless(bench, it.description, &it.blocks, it.candidate));
+        let fitted: Vec<Option<Description>> = moves.par_iter().map(&fit).collect();
         let mut gains = self.gains.lock().unwrap_or_else(PoisonError::into_inner);
-        // A line or a step has many places.
-        let best = gains.entry(key).or_insert(f64::NEG_INFINITY);
-        *best = best.max(gain);
-        fitted
+        for (it, fitted) in moves.iter().zip(&fitted) {
+            let ln_evidence = fitted.as_ref().map_or(f64::NEG_INFINITY, |it| it.ln_evidence);
+            let key = (state_of(bench, it.description, &it.blocks), it.candidate);
+            // A line or a step has many places.
+            let best = gains.entry(key).or_insert(f64::NEG_INFINITY);
+            *best = best.max(ln_evidence - it.description.ln_evidence);
+        }
+        fitted.into_iter().flatten().collect()
     }
+}
+
+/// A description to which a candidate is added in some blocks.
+pub struct Move<'d, T> {
+    /// The description.
+    pub description: &'d Description,
+    /// The blocks.
+    pub blocks: Vec<usize>,
+    /// The candidate, by its number among all.
+    pub candidate: usize,
+    /// What is added.
+    pub added: T,
 }
 
 /// A number by which what is described in some blocks is known.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::beside::Beside;
-use super::known::Known;
+use super::known::{Known, Move};
 use super::library::{Offer, Shelf, offers, placed, undescribed};
 use super::noises::{Promised, other_noises};
 use super::pairs::with_pairs;
@@ -222,31 +222,32 @@ pub fn with_one_more(
         Promises { base, ways, library, known, among, behind: best - base.description.ln_evidence }
     });
     let promises: Vec<Promises<'_>> = promises.collect();
-    let with_effect = |(base, placed): &(&Base, Placed)| {
-        let description = &base.description;
-        known.if_worth(bench, description, &touched_by(placed), placed.term.candidate, || {
-            with_placed(bench, description, placed)
-        })
-    };
-    let mut all: Vec<Description> = effects(bench, &promises).par_iter().filter_map(with_effect).collect();
+    let effects = effects(bench, &promises).into_iter().map(|(base, placed)| Move {
+        description: &base.description,
+        blocks: touched_by(&placed),
+        candidate: placed.term.candidate,
+        added: placed,
+    });
+    let mut all = known.fitted(bench, effects.collect(), |it| with_placed(bench, it.description, &it.added));
     all.extend(promises.iter().flat_map(with_pairs));
-    let with_noise = |(base, promised): &(&Base, Promised)| {
-        let Promised { change, noises, block, .. } = promised;
-        known.if_worth(bench, &base.description, &[*block], change.candidate, || {
-            let mut more = base.description.clone();
-            more.noises.clone_from(noises);
-            more.changes.push(change.clone());
-            bench.fitted(&more, &[*block])
-        })
-    };
     let noises = promises.iter().flat_map(|promises| {
         let least_gain = promises.behind - bench.problem.config.within_reach;
         let promised = other_noises(bench, known, &promises.base.description, among, least_gain);
         let base = promises.base;
         promised.into_iter().map(move |it| (it.ln_gain - promises.behind, (base, it)))
     });
-    let promised = most_promising(bench, noises.collect());
-    all.extend(promised.par_iter().filter_map(with_noise).collect::<Vec<_>>());
+    let promised = most_promising(bench, noises.collect()).into_iter().map(|(base, promised)| Move {
+        description: &base.description,
+        blocks: vec![promised.block],
+        candidate: promised.change.candidate,
+        added: promised,
+    });
+    all.extend(known.fitted(bench, promised.collect(), |it: &Move<'_, Promised>| {
+        let mut more = it.description.clone();
+        more.noises.clone_from(&it.added.noises);
+        more.changes.push(it.added.change.clone());
+        bench.fitted(&more, &it.blocks)
+    }));
     all
 }
 

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::beside::Beside;
+use super::known::Move;
 use super::library::{Offer, Shelf, placed};
 use super::moves::{Promises, touched_by, with_placed};
 use crate::description::Term;
@@ -42,11 +43,11 @@ pub fn with_pairs(promises: &Promises<'_>) -> Vec<Description> {
     let with_both = |pair: &Pair<'_>| {
         let beside = beside_constants.get(&pair.constant.candidate)?;
         let effect = placed(beside, &pair.with)?;
-        known.if_worth(bench, beside.description, &touched_by(&effect), pair.with.candidate, || {
-            with_placed(bench, beside.description, &effect)
-        })
+        let (blocks, candidate) = (touched_by(&effect), pair.with.candidate);
+        Some(Move { description: beside.description, blocks, candidate, added: effect })
     };
-    pairs.par_iter().filter_map(with_both).collect()
+    let moves: Vec<Move<'_, Placed>> = pairs.par_iter().filter_map(with_both).collect();
+    known.fitted(bench, moves, |it| with_placed(bench, it.description, &it.added))
 }
 
 /// The pairs that promise more than either of their effects alone.
