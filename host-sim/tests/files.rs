@@ -278,6 +278,36 @@ mod unix {
         }
     }
 
+    /// Three and a half days of three gyros at one row a second, at every stage: reading, searching, judging.
+    #[test]
+    fn explain_is_ended_within_a_second() {
+        let directory = tempfile::tempdir().unwrap();
+        let case = case(directory.path(), &["x", "y", "z"]);
+        let mut table = "t,x\n".to_owned();
+        for row in 0..300_000_u32 {
+            let noise = row.wrapping_mul(2_654_435_761) % 1_000_003;
+            writeln!(table, "{row},{}", 7.0 + f64::from(noise) * 1e-6).unwrap();
+        }
+        fs::write(directory.path().join("r.csv"), table).unwrap();
+        for pause_ms in [100, 400, 800, 1500] {
+            let mut child = Command::new(env!("CARGO_BIN_EXE_schuler"))
+                .args([Path::new("explain"), &case])
+                .stdout(Stdio::null())
+                .stderr(Stdio::null())
+                .spawn()
+                .unwrap();
+            std::thread::sleep(Duration::from_millis(pause_ms));
+            if child.try_wait().unwrap().is_some() {
+                // A fast machine is done by then; it was at work for the first pauses.
+                assert!(pause_ms > 400, "it must be at work to be stopped");
+                break;
+            }
+            let (status, took) = ended(child, "-INT");
+            assert_eq!(status, Some(130), "after {pause_ms} ms");
+            assert!(took < SOON, "after {pause_ms} ms: {took:?}");
+        }
+    }
+
     #[test]
     fn what_has_no_end_is_refused_at_once() {
         let directory = tempfile::tempdir().unwrap();

@@ -84,6 +84,34 @@ fn unknown_keys_are_refused_or_told_first() {
 }
 
 #[test]
+fn an_attitude_in_degrees_said_radians_is_refused_with_the_way_out() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut table = "t,x,roll,pitch,yaw\n".to_owned();
+    for row in 0..200_u32 {
+        let heading = f64::from((300 + row) % 360);
+        writeln!(table, "{row},{},0.5,1.0,{heading}", 7.0 + f64::from(row % 7) * 1e-4).unwrap();
+    }
+    let site = "[site]\nlatitude_deg = 50.0\naltitude_m = 0.0\n";
+    let of_motion = |attitude: &str| format!("{site}[motion]\nkind = \"recorded\"\n{attitude}\n[[sensor]]");
+    let radians = CASE.replace("[[sensor]]", &of_motion("attitude_rad = [\"roll\", \"pitch\", \"yaw\"]"));
+    let degrees = "attitude = { columns = [\"yaw\", \"pitch\", \"roll\"], order = \"zyx\", unit = \"deg\" }";
+    let path = case(directory.path(), &radians, None);
+    fs::write(directory.path().join("r.csv"), &table).unwrap();
+    let identify = Path::new("identify");
+    for command in ["identify", "explain"] {
+        let refused = schuler(&[Path::new(command), &path]);
+        let said = text(&refused.stderr);
+        assert_eq!(refused.status.code(), Some(2), "{said}");
+        assert!(said.contains("case.toml:12: motion.attitude_rad[2]: found 0 after 359"), "{said}");
+        assert!(said.contains(degrees), "{said}");
+    }
+    let path = case(directory.path(), &CASE.replace("[[sensor]]", &of_motion(degrees)), None);
+    fs::write(directory.path().join("r.csv"), table).unwrap();
+    let read = schuler(&[identify, &path]);
+    assert!(read.status.success(), "{}", text(&read.stderr));
+}
+
+#[test]
 fn no_control_character_reaches_a_terminal_or_a_figure() {
     const ODD: &str = "a\u{1b}[31m\u{7}\u{9b}2J\u{202e}b";
     const ESCAPED: &str = r"a\u001b[31m\u0007\u009b2J\u202eb";

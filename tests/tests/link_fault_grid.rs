@@ -515,6 +515,23 @@ fn the_same_on_the_serial_line() {
     grid(Transport::Uart, 40, 2);
 }
 
+/// What the page says of sessions.
+const SESSIONS: &str = "## Sessions, for who writes a host
+
+A frame that is stored on its way may arrive after the board has been reset, with a number ahead of all that came since. So every frame
+bears the number of a session, and the module carries out the commands of its own session only.
+
+1. Ask `Hello` after your own start, and again after each answer `Refusal::Session`. Seal the question with a number that you have not used
+   before (a clock will do): after a reset it makes the session, together with the board's count of starts and its clock.
+2. Seal every frame from then on with the session that the frame of the answer bears (`Frame::session`, `Wire::seal_with`).
+3. Go on from the number `Banner::last_sequence`. Send the same frame again until its answer comes.
+4. After a reset of the board send configuration and state again: steps are refused until then.
+
+Of a million commands of before a reset that came after it none was carried out; `cargo test -p schuler-tests no_command_of_before_a_reset`
+repeats that.
+
+";
+
 #[test]
 #[ignore = "an hour; run by: cargo test -p schuler-tests link_fault_grid:: -- --ignored --nocapture"]
 fn a_million_frames_and_the_table() {
@@ -537,6 +554,7 @@ fn a_million_frames_and_the_table() {
          | --- | --: | --: | --: | --: | --: |\n\
          | both lines | {} | {} | {:.1e} | {} | {} |\n\n\
          The checksum alone lets one damaged frame in 4.3 × 10⁹ pass.\n\n\
+         {SESSIONS}\
          ## Through semihosting\n\n{head}{fifo}\n## Over the serial line\n\n{head}{uart}",
         all.damaged,
         all.accepted,

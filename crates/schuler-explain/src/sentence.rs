@@ -96,7 +96,7 @@ pub fn of_stated(parameter: &Parameter) -> String {
 }
 
 /// A value with its standard deviation, to the digits that the latter leaves.
-fn with_sigma(value: f64, sigma: Option<f64>, unit: &str) -> String {
+pub(crate) fn with_sigma(value: f64, sigma: Option<f64>, unit: &str) -> String {
     let Some(sigma) = sigma.filter(|sigma| *sigma > 0.0 && sigma.is_finite()) else {
         return format!("{value:.4e} {unit}").trim_end().to_owned();
     };

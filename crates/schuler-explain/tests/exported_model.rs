@@ -149,7 +149,8 @@ const COLUMNS: &[ColumnOf] = &[
 ];
 
 /// Effects that have no formula.
-const WITHOUT_FORMULA: [&str; 4] = ["coning_sculling", "earth_tide", "axes_swapped", "reference_noise"];
+const WITHOUT_FORMULA: [&str; 6] =
+    ["coning_sculling", "earth_tide", "axes_swapped", "reference_noise", "clock_drift", "heading_off"];
 
 fn recording(folder: &Path, case: &str, table: &str) -> Recording {
     std::fs::write(folder.join("recording.csv"), table).unwrap();

@@ -14,6 +14,7 @@
 //! | [`noise_table`] | the noise of every sensor |
 //! | [`certificate`] | what could still hide |
 //! | [`mod@model`] | what the findings add, as a model for a simulation |
+//! | [`unstated`] | the noise of sensors of which the case states none |
 pub mod arrays;
 pub mod certificate;
 pub mod findings;
@@ -26,6 +27,7 @@ pub mod parameters;
 pub mod polish;
 pub mod posterior;
 pub mod shares;
+pub mod unstated;
 
 use arrays::arrays;
 use held_out::hold_out;
@@ -73,6 +75,7 @@ pub fn told(searched: &Searched<'_>, prepared: &mut Prepared) -> (Explanation, C
     let located = located::located(&before);
     let mut notes = inputs.recording.warnings.clone();
     notes.extend(prepared.model.notes.iter().cloned());
+    notes.extend(unstated::notes(&prepared.model, &best));
     let mut shown = arrays(&before, &after, &found);
     shown.model = model::model(&after, &found, &fit);
     let certificate = if config.certify && !watch.is_cancelled() {

@@ -366,7 +366,13 @@ fn is_replaced(change: NoiseChange, knob: Knob) -> bool {
 }
 
 /// A parameter of the noise of a source, whose standard deviation is a part `relative` of it, beside what the case states.
-fn of_knob(source: &Source, stated: &Noise, knob: Knob, value: f64, relative: Option<f64>) -> Parameter {
+pub(super) fn of_knob(
+    source: &Source,
+    stated: &Noise,
+    knob: Knob,
+    value: f64,
+    relative: Option<f64>,
+) -> Parameter {
     // Where the case says nothing of the noise its white level is an estimate, and a change at a time is never stated.
     let is_estimate = source.unknown && knob == Knob::White;
     let is_stated = !is_estimate && knob != Knob::StepRatio && stated.has_shape(knob);

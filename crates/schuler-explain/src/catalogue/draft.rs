@@ -1,5 +1,5 @@
 //! How rows of the catalogue make their candidates: amplitudes in the sensor's unit, grids, instruments.
-use schuler_recording::case::SensorKind;
+use schuler_recording::case::{Grade, SensorKind};
 use schuler_recording::unit::{Dimension, STANDARD_GRAVITY, Unit};
 
 use super::{
@@ -11,8 +11,13 @@ use crate::inputs::{Inputs, Place};
 
 /// Sensors of one dimension of which every set may have something in common; of more there are too many sets.
 const MOST_IN_COMMON: usize = 6;
-/// How much larger the errors of micromechanical sensors can be.
+/// How much larger than those of navigation grade the errors of tactical and of micromechanical sensors can be.
+const TACTICAL: f64 = 10.0;
 const MICROMECHANICAL: f64 = 1e3;
+/// The same of errors that are rates of turn: 100 °/h of tactical grade where 1 °/h is of navigation grade, and of micromechanical gyros
+/// ±20 °/s at rest and as much over the range of temperature (data sheet of the MPU-6000).
+const TACTICAL_RATES: f64 = 100.0;
+const MICROMECHANICAL_RATES: f64 = 1e5;
 /// Columns below this part of the largest one are left out of a signature: the motion does not show them.
 const LEAST_COLUMN: f64 = 1e-4;
 
@@ -76,13 +81,27 @@ impl Plausible {
             Dimension::Velocity => (self.velocity, Unit::MetrePerSecond),
             Dimension::Other => return None,
         };
-        range.map(|range| widened(place, range.map(|value| value * unit.in_si() / place.unit.in_si())))
+        let factor = match place.dimension() {
+            Dimension::AngularRate => of_grade(place, TACTICAL_RATES, MICROMECHANICAL_RATES),
+            _ => of_grade(place, TACTICAL, MICROMECHANICAL),
+        };
+        range.map(|[least, most]| [least, factor * most].map(|it| it * unit.in_si() / place.unit.in_si()))
     }
 }
 
-/// A plausible range, wider upwards for micromechanical sensors.
-fn widened(place: &Place, [least, most]: [f64; 2]) -> [f64; 2] {
-    [least, if place.micromechanical { most * MICROMECHANICAL } else { most }]
+/// What the largest magnitude of navigation grade is to be multiplied by for a sensor.
+fn of_grade(of: &Place, tactical: f64, micromechanical: f64) -> f64 {
+    match of.grade {
+        Some(Grade::Mems) => micromechanical,
+        _ if of.micromechanical => micromechanical,
+        Some(Grade::Tactical) => tactical,
+        _ => 1.0,
+    }
+}
+
+/// A plausible range of a number whose unit is not the sensor's, wider upwards where the grade of the sensor is less.
+pub(super) fn widened(place: &Place, [least, most]: [f64; 2]) -> [f64; 2] {
+    [least, most * of_grade(place, TACTICAL, MICROMECHANICAL)]
 }
 
 /// The amplitude `name` of a signature at `place` that is per `per` (whose values in the signature are SI).

@@ -8,11 +8,11 @@ use schuler_recording::unit::Dimension;
 
 use super::draft::{Draft, Instrument, any, displaced, gyros, instruments, logarithmic, number, seen};
 use super::form::Form;
-use super::in_flight::{OF_THE_PLACE, WITHIN_A_STEP};
+use super::in_flight::{HAS_NO_TERM, OF_THE_PLACE, WITHIN_A_STEP};
 use super::input::varying;
 use super::{Candidate, Column, Effect, Nonlinear, Port, Search, Signature, Target};
 use crate::inputs::motion::{along, of_rows, row_of};
-use crate::inputs::series::{delayed, delayed_closely, derivative, lagged_smooth, rms, varies};
+use crate::inputs::series::{delayed, delayed_closely, derivative, drifted, lagged_smooth, rms, varies};
 use crate::inputs::{Inputs, Place, Series};
 
 /// Smallest delay and lag searched, s, unless still less shows.
@@ -26,6 +26,12 @@ const MOST_DELAY_S: [f64; 2] = [2.0, 10.0];
 const PER_DECADE: f64 = 3.0;
 /// How far beyond an end of the record an input goes straight on, steps.
 const STRAIGHT_ON_STEPS: f64 = 2.0;
+/// Drifts of a clock, ppm: the best quartz without an oven, and three times the worst of it. Most equal steps between, and least
+/// length of a record that shows one, s.
+const LEAST_DRIFT_PPM: f64 = 0.1;
+const MOST_DRIFT_PPM: f64 = 300.0;
+const MOST_DRIFTS: f64 = 16.0;
+const LEAST_OF_DRIFT_S: f64 = 30.0;
 /// Largest lag, or a row: what is plausible ends at 0.6 s, but a search that ended there would call a longer one a delay.
 const MOST_LAG_S: f64 = 2.0;
 
@@ -72,6 +78,49 @@ pub(super) const TIME_DELAY: Effect = Effect {
         found
     },
 };
+
+pub(super) const CLOCK_DRIFT: Effect = Effect {
+    id: "clock_drift",
+    formula: "u(t − ε·t) − u(t), t from the first row",
+    sentence: "has a clock that goes slower than that of its reference, or faster where the drift is below zero",
+    needs: "changing input, half a minute of it",
+    separated_by: "record twice as long: what a clock is off by doubles, a delay stays",
+    source: "IEEE Std 1139 (frequency stability), normalised offset of a frequency",
+    in_flight: HAS_NO_TERM,
+    form: Form::Values,
+    acts_on: any,
+    candidates: |effect, inputs| {
+        if inputs.duration_s() < LEAST_OF_DRIFT_S || inputs.is_loop() || inputs.motion.estimated {
+            return Vec::new();
+        }
+        let parameter = |of: &Place| Nonlinear { name: "drift", unit: "ppm", grid: drifts(inputs, of) };
+        let signature = |time_s: &[f64], input: &[f64], drift: f64| -> Vec<f64> {
+            let lost = 1e-6 * drift;
+            let start_s = time_s.first().copied().unwrap_or_default();
+            let beyond = |time: f64| straight_on(time_s, input, lost * (time - start_s))(time);
+            (drifted(time_s, input, lost).into_iter().zip(time_s).zip(input))
+                .map(|((then, &time), now)| then.unwrap_or_else(|| beyond(time)) - now)
+                .collect()
+        };
+        whole_and_alone(effect, inputs, |_| false, parameter, |_| signature)
+    },
+};
+
+/// Drifts of a clock that are searched, ppm: from what moves readings at the end of the record by what their white noise hides over
+/// the whole of it, some in a decade, and from half a radian of the motion on so far apart.
+fn drifts(inputs: &Inputs<'_>, of: &Place) -> Vec<f64> {
+    let (duration_s, rows) = (inputs.duration_s(), inputs.rows() as f64);
+    let slope = of.input.as_ref().map_or(0.0, |input| rms(&derivative(&inputs.time_s, input)));
+    let size = of.input.as_ref().map_or(0.0, |input| rms(input));
+    let white = inputs.recording.sensors.get(of.sensor).map_or(0.0, |it| it.sensor.nominal.white);
+    let ppm = |seconds: f64| 1e6 * seconds / duration_s;
+    let apart = ppm(0.5 * size / slope).clamp(MOST_DRIFT_PPM / MOST_DRIFTS, MOST_DRIFT_PPM);
+    let least = ppm(white / rows.sqrt() / slope).max(LEAST_DRIFT_PPM);
+    let mut drifts = logarithmic(least, apart, PER_DECADE);
+    let further = (2..).map(|step| apart * f64::from(step)).take_while(|drift| *drift <= MOST_DRIFT_PPM);
+    drifts.extend(further);
+    drifts.iter().rev().map(|drift| -drift).chain(drifts.iter().copied()).collect()
+}
 
 /// What the reference adds to the difference of velocities that a Schuler loop explains: its velocity with a minus, from
 /// the specific force, up to a constant. A reference that comes late by d makes the difference larger by the change of

@@ -13,7 +13,7 @@
 //! | `gravity`, `tide` | anomaly of gravity, tide of the solid Earth |
 //! | `failures` | stuck, clipped, coarse or jumping readings |
 //! | `noise` | another random part |
-//! | `setup` | what is simply wrong in a case, and the noise of its reference |
+//! | `setup`, `heading` | what is simply wrong in a case, and the noise of its reference |
 //! | `unnamed` | what is in no catalogue, as a rival of all that is |
 //! | `user`, `formula` | what the case itself defines by a formula |
 //!
@@ -28,6 +28,7 @@ mod formula;
 mod g_sensitivity;
 mod general;
 mod gravity;
+mod heading;
 mod in_flight;
 mod input;
 mod instrument;
@@ -79,12 +80,14 @@ const OF_THE_MOTION: &[&str] = &[
     rotation::RATE_CROSS_AXIS.id,
     rotation::CONING_SCULLING.id,
     instrument::BANDWIDTH_LAG.id,
+    instrument::CLOCK_DRIFT.id,
     instrument::LEVER_ARM.id,
     instrument::EARTH_RATE_ATTITUDE.id,
     setup::SIGN_FLIPPED.id,
     setup::AXES_SWAPPED.id,
     setup::UNIT_MISTAKEN.id,
     setup::GRAVITY_REMOVED.id,
+    heading::HEADING_OFF.id,
 ];
 
 impl Effect {
@@ -122,13 +125,15 @@ impl Effect {
 /// What is in no catalogue.
 pub const UNNAMED: &Effect = &unnamed::UNNAMED;
 
-/// What is no error of a sensor: what is simply wrong in a case, and the noise of its reference.
+/// What is no error of a sensor: what is simply wrong in a case, the noise of its reference, and clocks that go apart.
 pub const SETUP: &[&Effect] = &[
     &setup::SIGN_FLIPPED,
     &setup::AXES_SWAPPED,
     &setup::UNIT_MISTAKEN,
     &setup::GRAVITY_REMOVED,
     &setup::REFERENCE_NOISE,
+    &instrument::CLOCK_DRIFT,
+    &heading::HEADING_OFF,
 ];
 
 /// Effects that readings show of themselves.

@@ -6,7 +6,7 @@
 use super::draft::{
     Draft, G, G_KELVIN, ITSELF, KELVIN, KELVIN_CUBED, KELVIN_PER_HOUR, KELVIN_PER_METRE, KELVIN_SQUARED,
     Plausible, amplitude, any, at_each_instrument_place, coefficient, gyros, inertial, logarithmic, number,
-    time_constant,
+    time_constant, widened,
 };
 use super::form::Form;
 use super::in_flight::{GyroAxis, HAS_A_MEMORY, InFlight, Part};
@@ -243,7 +243,7 @@ pub(super) const SCALE_FACTOR_TEMPERATURE: Effect = Effect {
     candidates: |effect, inputs| {
         per_thermometer(effect, inputs, |place, thermometer| {
             let Some(input) = place.input.as_ref().filter(|input| varies(input)) else { return Vec::new() };
-            let amplitude = number("coefficient", "ppm/K", 1e6, Some(wide(place, [1.0, 500.0])));
+            let amplitude = number("coefficient", "ppm/K", 1e6, Some(widened(place, [1.0, 500.0])));
             let at_mean = number(AT_MEAN, "ppm", 1e6, None);
             vec![times_temperature(inputs, place, thermometer, input, [amplitude, at_mean])]
         })
@@ -265,7 +265,7 @@ pub(super) const MISALIGNMENT_TEMPERATURE: Effect = Effect {
             let across = place.axes.across().into_iter().filter_map(|(name, axis)| {
                 let input = inputs.input_along(place, &axis).filter(|input| varies(input))?;
                 let unit = super::draft::RADIAN_IN_ARCSECONDS;
-                let amplitude = number("coefficient", "arcsec/K", unit, Some(wide(place, [0.1, 2.0])));
+                let amplitude = number("coefficient", "arcsec/K", unit, Some(widened(place, [0.1, 2.0])));
                 let at_mean = number(AT_MEAN, "arcsec", unit, None);
                 let amplitudes = [amplitude, at_mean];
                 Some(times_temperature(inputs, place, thermometer, &input, amplitudes).with("axis", name))
@@ -367,11 +367,6 @@ fn with_zero(draft: Draft, place: &Place, rows: usize, reference: f64, known: bo
 
 fn about_mean(draft: Draft, reference: f64) -> Draft {
     draft.with("reference", format!("{reference:.2} degC, the mean"))
-}
-
-/// A plausible range of a number whose unit is not the sensor's.
-fn wide(place: &Place, [least, most]: [f64; 2]) -> [f64; 2] {
-    [least, if place.micromechanical { most * 1e3 } else { most }]
 }
 
 /// How often a series turns by at least `by`.

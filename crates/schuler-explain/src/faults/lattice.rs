@@ -17,6 +17,8 @@ const MOST_LEVELS: f64 = 1e5;
 const VISITS: usize = 4;
 /// Largest number of steps between readings off a lattice, as a part of the step.
 pub const OFF_LATTICE: f64 = 1e-3;
+/// Rounding of a reading on its way into a table and out of it, as a part of the reading.
+const ROUNDING: f64 = 1e-9;
 
 /// Whether the lattice on which all readings lie is coarser than nominal and matters beside the noise.
 pub(super) fn coarse(
@@ -61,16 +63,20 @@ pub fn lattice(values: &[f64]) -> Option<Lattice> {
     levels.dedup();
     let (first, last) = (*levels.first()?, *levels.last()?);
     let span = last - first;
-    let differences = || levels.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 1e-9 * span);
-    let step = differences().fold(f64::INFINITY, f64::min);
-    let off = |difference: f64| {
-        let steps = difference / step;
-        (steps - steps.round()).abs()
+    // Of neighbouring levels and of how they are rounded, which goes with them: a single reading that is a thousand million times as large
+    // as the others must not make these one level.
+    let differences = || {
+        let of = |pair: &[f64]| (pair[1] - pair[0], ROUNDING * pair[0].abs().max(pair[1].abs()));
+        levels.windows(2).map(of).filter(|(difference, rounding)| difference > rounding)
     };
-    let tolerance = OFF_LATTICE + 1e-9 * first.abs().max(span) / step;
+    let step = differences().map(|(difference, _)| difference).fold(f64::INFINITY, f64::min);
+    let is_off = |(difference, rounding): (f64, f64)| {
+        let steps = difference / step;
+        (steps - steps.round()).abs() > 10.0 * (OFF_LATTICE + rounding / step)
+    };
     let found = step.is_finite()
         && (span / step <= MOST_LEVELS || readings >= VISITS * levels.len())
-        && differences().all(|difference| off(difference) <= tolerance * 10.0);
+        && !differences().any(is_off);
     found.then_some(Lattice { step, levels: levels.len() })
 }
 
@@ -90,6 +96,20 @@ mod tests {
         assert!((found.step / step - 1.0).abs() < 1e-6 && found.levels == 13, "{found:?}");
         let digits = |k: usize| 1e-6 * ((k as f64 * 0.618_034).fract() * 1e6).round();
         assert!(lattice(&(0..4000).map(digits).collect::<Vec<f64>>()).is_none());
+    }
+
+    /// A value like the largest of 32 bits among readings of another size makes no two levels of them, nor does it hide a coarse output.
+    #[test]
+    fn a_huge_reading_makes_no_lattice_and_hides_none() {
+        for huge in [1e3, 2_147_483_647.0, -1e30] {
+            let with_huge = |value: &dyn Fn(usize) -> f64| -> Vec<f64> {
+                (0..3000).map(|k| if k == 1700 { huge } else { value(k) }).collect()
+            };
+            let smooth = with_huge(&|k| 8.0 + (k as f64 * 0.618_034).fract());
+            assert_eq!(lattice(&smooth), None, "{huge}");
+            let coarse = with_huge(&|k| 0.25 * (k * 37 % 5) as f64);
+            assert_eq!(lattice(&coarse).map(|it| it.step), Some(0.25), "{huge}");
+        }
     }
 
     /// Two levels lie on a lattice anyhow: what comes again and again is one, a step or a few glitches are none.

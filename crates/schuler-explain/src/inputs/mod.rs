@@ -17,6 +17,7 @@ pub mod held;
 pub mod motion;
 pub mod place;
 pub mod redundant;
+pub mod resets;
 pub mod series;
 pub mod smoother;
 pub mod thermometer;

@@ -217,9 +217,14 @@ pub fn delayed(time_s: &[f64], values: &[f64], delay_s: f64) -> Vec<Option<f64>>
     if let Some(step_s) = even_step(time_s) {
         return EvenDelay::new(delay_s / step_s, NARROW_REACH).of(values);
     }
+    late_by(time_s, values, |_| delay_s)
+}
+
+/// The series as it was `delay_s` of each time before, which is not to grow faster than the time.
+fn late_by(time_s: &[f64], values: &[f64], delay_s: impl Fn(f64) -> f64) -> Vec<Option<f64>> {
     let mut place = 0;
     let of_time = |&time: &f64| {
-        let wanted = time - delay_s;
+        let wanted = time - delay_s(time);
         while place + 1 < time_s.len() && time_s[place + 1] <= wanted {
             place += 1;
         }
@@ -228,7 +233,14 @@ pub fn delayed(time_s: &[f64], values: &[f64], delay_s: f64) -> Vec<Option<f64>>
     time_s.iter().map(of_time).collect()
 }
 
-/// The same through as many as sixteen rows on either side, for what sways within a few steps: of a swing of 2.2 rad a step in the middle
+/// The series on a clock that loses the part `lost` of the time since the first row (gains it, where negative): what it was so much
+/// before each row, by cubic interpolation through the four rows around. None where that is outside of the recording.
+pub fn drifted(time_s: &[f64], values: &[f64], lost: f64) -> Vec<Option<f64>> {
+    let start_s = time_s.first().copied().unwrap_or_default();
+    late_by(time_s, values, |time| lost * (time - start_s))
+}
+
+/// [`delayed`] through as many as sixteen rows on either side, for what sways within a few steps: of a swing of 2.2 rad a step in the middle
 /// between two rows four rows have 63 %, sixteen 94 % and thirty-two 99 %. A jump of the values rings the longer, too.
 pub fn delayed_closely(time_s: &[f64], values: &[f64], delay_s: f64) -> Vec<Option<f64>> {
     match even_step(time_s) {

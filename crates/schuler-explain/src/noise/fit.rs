@@ -115,9 +115,9 @@ impl Observed<'_> {
             let levels = levels(block, sums, noises)?;
             let of_band = |(band, level): (usize, f64)| {
                 let quadratic = self.power[band][(0, 0)].max(0.0) / level;
-                let through = |&place: &usize| {
-                    let vector = sums.vectors.get(place).filter(|_| block.is_redundant());
-                    vector.map_or_else(|| sums.through[place][band], |vector| vector[0] * vector[0])
+                let through = |&index: &usize| {
+                    let vector = sums.vectors.get(index).filter(|_| block.is_redundant());
+                    vector.map_or_else(|| sums.through[index][band], |vector| vector[0] * vector[0])
                 };
                 let roots = DVector::from_iterator(
                     places.len(),
@@ -130,7 +130,7 @@ impl Observed<'_> {
         }
         let covariances = Covariances::new(block, sums, noises)?;
         let quadratics = covariances.quadratics(self.power);
-        let vectors: Vec<DVector<f64>> = places.iter().map(|&place| sums.vectors[place].clone()).collect();
+        let vectors: Vec<DVector<f64>> = places.iter().map(|&index| sums.vectors[index].clone()).collect();
         let vectors = DMatrix::from_columns(&vectors);
         let of_band = |(band, quadratic): (usize, f64)| {
             let whitened = &covariances.inverse[band] * &vectors;
@@ -161,8 +161,8 @@ impl Observed<'_> {
         let is_one = self.sums.width() == 1;
         let of_band = |(band, reach): (usize, &Reach)| {
             let base = self.sums.base[band];
-            let change = |place: usize| (spectra[place][band] - from.spectra[place][band]) / base;
-            let changes = DVector::from_fn(spectra.len(), |place, _| change(place));
+            let change = |index: usize| (spectra[index][band] - from.spectra[index][band]) / base;
+            let changes = DVector::from_fn(spectra.len(), |index, _| change(index));
             if is_one { reach.moved_in_one(&changes) } else { reach.moved(&changes) }
         };
         let reaches: Vec<Reach> = from.reaches.iter().enumerate().map(of_band).collect::<Option<_>>()?;
@@ -187,8 +187,8 @@ impl Observed<'_> {
         let mut gains = vec![0.0; places.len()];
         for (reach, &count) in self.reaches(noises, &places)?.iter().zip(&self.sums.layout.count) {
             let here = trust::of_level(count, width, 0.0, reach.quadratic, self.nu);
-            for (place, gain) in gains.iter_mut().enumerate() {
-                let shown = reach.shown[(place, place)] / reach.between[(place, place)];
+            for (index, gain) in gains.iter_mut().enumerate() {
+                let shown = reach.shown[(index, index)] / reach.between[(index, index)];
                 let left = (reach.quadratic - shown).max(0.0);
                 let part = if self.nu.is_infinite() {
                     count / shown

@@ -14,6 +14,7 @@ use crate::explain::Error;
 use crate::faults::{FEWEST_PILED, Fault, Faults, LEAST_STEP, faults, lattice};
 use crate::inputs::Inputs;
 use crate::inputs::held::without_held_reference;
+use crate::inputs::resets::without_resets;
 use crate::noise::fit::SourceKnob;
 use crate::noise::{Knob, Noise};
 use crate::nominal::{FEWEST_ROWS, Model};
@@ -36,7 +37,7 @@ pub struct Prepared {
 
 /// The recording as it is explained.
 pub fn as_explained(recording: &Recording) -> Cow<'_, Recording> {
-    without_held_reference(against_constants(recording))
+    without_resets(without_held_reference(against_constants(recording)))
 }
 
 /// The inputs of a case need a recording of some length.
@@ -154,10 +155,6 @@ fn with_estimated_levels(model: &mut Model) -> Vec<SourceKnob> {
         let white = block.white_by_differences();
         model.sources[index].nominal.white = white;
         unstated.push((index, Knob::White));
-        model.notes.push(format!(
-            "{}: the case gives no noise; its white level is estimated from the record",
-            model.sources[index].name
-        ));
     }
     unstated
 }

@@ -3,8 +3,8 @@ use std::collections::HashSet;
 
 use rayon::prelude::*;
 
+use super::blocks::{all_blocks, structure_in, together};
 use super::common::with_common;
-use super::joined::{all_blocks, structure_in, together};
 use super::known::Known;
 use super::library::Shelf;
 use super::moves::{

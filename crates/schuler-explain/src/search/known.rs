@@ -10,9 +10,16 @@ use crate::evidence::fit::{Bench, Description};
 /// What is known.
 #[derive(Default)]
 pub struct Known {
-    /// With what each had to gain at least.
-    noises: Mutex<HashMap<u64, (f64, Arc<Vec<Promised>>)>>,
+    noises: Mutex<HashMap<u64, Noises>>,
     gains: Mutex<HashMap<(u64, usize), f64>>,
+}
+
+/// The changes of noise of a block.
+#[derive(Clone)]
+struct Noises {
+    /// What each had to gain at least, nats.
+    least_gain: f64,
+    promised: Arc<Vec<Promised>>,
 }
 
 impl Known {
@@ -27,13 +34,13 @@ impl Known {
     ) -> Arc<Vec<Promised>> {
         let key = state_of(bench, description, &[block]);
         let known = self.noises.lock().unwrap_or_else(PoisonError::into_inner).get(&key).cloned();
-        if let Some((_, known)) = known.filter(|(least, _)| *least <= least_gain) {
-            return known;
+        if let Some(known) = known.filter(|known| known.least_gain <= least_gain) {
+            return known.promised;
         }
-        let computed = compute();
+        let promised = compute();
         let mut noises = self.noises.lock().unwrap_or_else(PoisonError::into_inner);
-        noises.insert(key, (least_gain, Arc::clone(&computed)));
-        computed
+        noises.insert(key, Noises { least_gain, promised: Arc::clone(&promised) });
+        promised
     }
 
     /// Whether a candidate was seen beside the same in these blocks to lose more than is worth a look.

@@ -163,11 +163,17 @@ pub fn placed(beside: &Beside<'_>, offer: &Offer) -> Option<Placed> {
     let delays = delays_of(beside.description.placed.iter());
     let delays = if delays.move_term(&term) { delays.among(&term.sensors()) } else { Delays::default() };
     let late = late_columns(problem.model, &delays, &term).into_owned();
-    let mut whitened = regressors(problem.model, &beside.bench.sums, &late, term.port);
+    let whitened = regressors(problem.model, &beside.bench.sums, &late, term.port);
+    let whitened = Arc::new(undescribed(beside, whitened)?);
+    Some(Placed { delays, ..Placed::new(term, whitened, ln_spread) })
+}
+
+/// A signature without the columns that are described already; none where the first of them is.
+pub fn undescribed(beside: &Beside<'_>, mut whitened: Vec<Regressor>) -> Option<Vec<Regressor>> {
     let normal = beside.normal(&beside.described(), &whitened)?;
     let left_out = |(place, _): &(usize, &mut Regressor)| !normal.kept.contains(place);
     whitened.iter_mut().enumerate().filter(left_out).for_each(|(_, it)| *it = Regressor::default());
-    Some(Placed { delays, ..Placed::new(term, Arc::new(whitened), ln_spread) })
+    Some(whitened)
 }
 
 /// The frequency of a line sought beyond the raster of the scan, which is that of the record's length.

@@ -15,14 +15,14 @@
 //! | [`crowds`] | lines that crowd in one band, and narrower bands for them |
 //! | [`pairs`] | a constant and what it hides |
 //! | [`telegraph`] | a mean that jumps on and off |
-//! | [`joined`] | what is better in each of several blocks, taken together |
+//! | [`blocks`] | what is better in each of several blocks, taken together |
 //! | [`beam`] | the descriptions that are kept, and which of them are expanded |
 //! | [`passes`] | the same again, the record whitened by what was found |
 pub mod beam;
 pub mod beside;
+pub mod blocks;
 pub mod common;
 pub mod crowds;
-pub mod joined;
 pub mod known;
 pub mod late;
 pub mod levels;

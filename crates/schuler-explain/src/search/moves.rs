@@ -1,15 +1,19 @@
 //! The descriptions that are one item away from another.
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use super::beside::Beside;
 use super::known::Known;
-use super::library::{Offer, Shelf, offers, placed};
+use super::library::{Offer, Shelf, offers, placed, undescribed};
 use super::noises::{Promised, other_noises};
 use super::pairs::with_pairs;
 use super::scans::scans;
 use crate::catalogue::Search;
 use crate::description::Term;
 use crate::evidence::fit::{Bench, Change, Description, Placed};
+use crate::evidence::late::late_columns;
+use crate::evidence::regressor::regressors;
 use crate::noise::{Knob, Noise};
 
 /// An item of a description.
@@ -81,7 +85,33 @@ pub fn without_several(
         }
         take_back(bench, &mut less, &change);
     }
-    bench.fitted(&less, &touched)
+    // What was described a part of an effect's signature leaves it to that when it goes.
+    let whole = with_whole_signatures(bench, &less).and_then(|whole| bench.fitted(&whole, &touched));
+    let fitted = [bench.fitted(&less, &touched), whole].into_iter().flatten();
+    fitted.max_by(|a, b| a.ln_evidence.total_cmp(&b.ln_evidence))
+}
+
+/// A description whose effects have all columns of their signatures that nothing else describes; none where they have them.
+fn with_whole_signatures(bench: &Bench<'_>, description: &Description) -> Option<Description> {
+    let lacking = |placed: &Placed| placed.regressors.iter().filter(|it| it.parts.is_empty()).count();
+    let mut whole = description.clone();
+    for index in 0..whole.placed.len() {
+        let lacks = lacking(&whole.placed[index]);
+        if lacks == 0 {
+            continue;
+        }
+        let mut rest = whole.clone();
+        let mut placed = rest.placed.remove(index);
+        let columns = late_columns(bench.problem.model, &placed.delays, &placed.term);
+        let whitened = regressors(bench.problem.model, &bench.sums, &columns, placed.term.port);
+        let undescribed = Beside::trusting(bench, &rest).and_then(|beside| undescribed(&beside, whitened));
+        placed.regressors = Arc::new(undescribed?);
+        if lacking(&placed) < lacks {
+            whole.placed[index] = placed;
+        }
+    }
+    let before: usize = description.placed.iter().map(lacking).sum();
+    (whole.placed.iter().map(lacking).sum::<usize>() < before).then_some(whole)
 }
 
 /// Takes the parts of a change out of the noises; what the case states comes back.

@@ -140,16 +140,21 @@ fn an_amplitude_at_the_mean_is_in_the_unit_of_what_it_multiplies() {
 }
 
 #[test]
-fn plausible_magnitudes_are_in_the_unit_of_the_amplitude_and_wider_for_micromechanics() {
-    for (kind, unit, expected) in [
-        (SensorKind::Dtg, Unit::DegreePerHour, [0.01, 1.0]),
-        (SensorKind::Dtg, Unit::DegreePerSecond, [0.01 / 3600.0, 1.0 / 3600.0]),
-        (SensorKind::MemsGyro, Unit::DegreePerHour, [0.01, 1000.0]),
-        (SensorKind::Accelerometer, Unit::MilliG, [0.01, 0.1]),
+fn plausible_magnitudes_are_in_the_unit_of_the_amplitude_and_wider_for_lesser_grades() {
+    // Of gyros at rest 1 °/h, 100 °/h, and ±20 °/s by data sheets of micromechanical ones.
+    for (kind, grade, unit, expected) in [
+        (SensorKind::Dtg, Grade::Navigation, Unit::DegreePerHour, [0.01, 1.0]),
+        (SensorKind::Dtg, Grade::Navigation, Unit::DegreePerSecond, [0.01 / 3600.0, 1.0 / 3600.0]),
+        (SensorKind::Fog, Grade::Tactical, Unit::DegreePerHour, [0.01, 100.0]),
+        (SensorKind::MemsGyro, Grade::Mems, Unit::DegreePerHour, [0.01, 1e5]),
+        (SensorKind::Accelerometer, Grade::Navigation, Unit::MilliG, [0.01, 0.1]),
+        (SensorKind::Accelerometer, Grade::Tactical, Unit::MilliG, [0.01, 1.0]),
+        (SensorKind::Accelerometer, Grade::Mems, Unit::MilliG, [0.01, 100.0]),
     ] {
         let mut scene =
             Scene::new(MotionKind::Static, 500, 1.0).sensor("s", kind, unit, [0.0, 0.0, 1.0]).site(50.0);
         scene.0.case.motion.attitude_deg = Some(Attitude::default());
+        scene.0.sensors[0].sensor.grade = Some(grade);
         let inputs = Inputs::new(&scene.0);
         let plausible = at(&inputs, "bias_constant", 0, &[])[0].amplitudes[0].plausible.unwrap();
         for (found, expected) in plausible.iter().zip(expected) {

@@ -156,6 +156,22 @@ fn what_was_held_out_is_predicted_better() {
     assert_eq!(answer.findings[0].interval_s, [0.0, ROWS as f64]);
 }
 
+/// Two steps within one stretch that is held out are one column on what is fitted: the priors decide, and not rounding.
+#[test]
+fn the_score_of_what_was_held_out_is_not_of_rounding() {
+    let score = |of_one: f64| {
+        let step = |time: f64, onset: f64| if time >= onset { 4.0 } else { 0.0 };
+        let mut values = with(noise(61, ROWS), |time| step(time, 1450.0) + step(time, 1550.0));
+        for (row, value) in values.iter_mut().enumerate() {
+            *value *= 1.0 + if row % 3 == 0 { of_one } else { -of_one };
+        }
+        let fit = answer(vec![values], true).unwrap().fit.held_out;
+        fit.after.nll_per_sample
+    };
+    let scores = [0.0, 1e-12, -1e-12, 1e-11].map(score);
+    assert!(scores.iter().all(|score| (score - scores[0]).abs() < 1e-3 && score.abs() < 3.0), "{scores:?}");
+}
+
 #[test]
 fn the_odds_of_a_finding_are_what_is_lost_without_it_less_what_it_costs() {
     let length = ROWS as f64;

@@ -297,5 +297,7 @@ fn noise_that_nobody_knows_is_estimated_and_said() {
     let options = Config { hold_out: false, ..Config::default() };
     let answer = explain_with(&inputs, candidates(ROWS, 1), &options).unwrap();
     assert!(answer.findings.is_empty(), "{:?}", answer.findings);
-    assert!(answer.notes.iter().any(|note| note.contains("estimated")));
+    // What was fitted in the place of what nobody states is told whole: white of 0.5 and a Markov part, here.
+    let note = answer.notes.iter().find(|note| note.contains("estimated from the record: white 0.")).unwrap();
+    assert!(note.contains("markov sigma") && note.contains("markov tau") && note.contains(" ± "), "{note}");
 }

@@ -80,6 +80,24 @@ fn faults_in_readings_are_named_and_do_not_breed() {
     });
 }
 
+/// A reading like the largest integer is one that is set aside; all else is told as without it.
+#[test]
+fn one_huge_reading_hides_nothing() {
+    for huge in [1e6, 2_147_483_647.0, -1e18, 1e30] {
+        let drifts = |mut values: Vec<f64>| {
+            values[700] = huge;
+            with(values, |time| 0.002 * time)
+        };
+        let recording = recording(vec![drifts(noise(77, ROWS))]);
+        let inputs = Inputs::new(&recording);
+        let config = Config { hold_out: false, ..Config::default() };
+        let answer = explain_with(&inputs, candidates(ROWS, 1), &config).unwrap();
+        let mut told: Vec<&str> = answer.findings.iter().map(|it| it.effect.as_str()).collect();
+        told.sort_unstable();
+        assert_eq!(told, ["noise_outliers", "trend"], "{huge}");
+    }
+}
+
 #[test]
 fn a_rounded_angle_is_told_from_rounded_readings() {
     const TRIALS: u64 = 12;

@@ -4,6 +4,7 @@
 //! turns body components into north-east-down. `[Groves, Principles of GNSS, Inertial, and Multisensor Integrated
 //! Navigation Systems, 2nd ed., ch. 2 and 5]`
 mod antenna;
+mod derivative;
 pub mod earth;
 mod forms;
 mod kinematics;

@@ -6,6 +6,7 @@
 //! rows.
 mod alike;
 mod clock;
+mod degrees;
 mod even;
 mod grid;
 mod layout;
@@ -213,6 +214,7 @@ impl Recording {
         let mut recording = layout.recording(file.case, rows, &quality, warnings, |place| {
             grid.spread(columns.values.get_mut(place).map(std::mem::take).unwrap_or_default())
         });
+        recording.refuse_degrees(&path, &lines)?;
         if let Some(simulated) = simulated {
             simulated.put_beside(&mut recording, &path, &lines)?;
         }

@@ -48,9 +48,11 @@ impl Stream {
                 sum.infinite += of_chunk.infinite;
             }
             let rows = Rows { inserted: vec![false; time_s.len()], time_s, ..Rows::default() };
-            look(&layout.recording(file.case.clone(), rows, &of_chunk, Vec::new(), |place| {
+            let recorded = layout.recording(file.case.clone(), rows, &of_chunk, Vec::new(), |place| {
                 columns.values.get_mut(place).map(std::mem::take).unwrap_or_default()
-            }))?;
+            });
+            recorded.refuse_degrees(&file.path, &file.lines)?;
+            look(&recorded)?;
         }
         let times = survey.finish().map_err(|problem| time_error(&file, problem))?;
         let infinite: Vec<usize> = quality.iter().map(|it| it.infinite).collect();

@@ -1,4 +1,4 @@
-//! What descriptions have in some blocks: blocks that no item joins are searched by themselves, and what is better in each is taken together.
+//! What descriptions have in some blocks: blocks that no item links are searched by themselves, and what is better in each is taken together.
 use super::moves::{Item, Structure, items, reached_by, structure, touched_by};
 use crate::evidence::fit::{Bench, Description};
 use crate::noise::Knob;
@@ -26,17 +26,17 @@ pub fn together(bench: &Bench<'_>, description: &Description, others: &[Descript
     if parts < 2 { None } else { bench.fitted(&whole, &touched) }
 }
 
-/// The blocks in which two descriptions differ, with all that an item of either joins to them.
+/// The blocks in which two descriptions differ, with all that an item of either links to them.
 fn differing(bench: &Bench<'_>, one: &Description, other: &Description) -> Vec<usize> {
     let parts = |description: &Description, block: usize| -> Vec<(usize, Vec<u64>, Vec<Knob>)> {
         let here = items(description).into_iter();
         let of = |item: Item| match item {
-            Item::Placed(place) => {
-                let term = &description.placed[place].term;
+            Item::Placed(index) => {
+                let term = &description.placed[index].term;
                 (term.candidate, term.nonlinear.iter().map(|value| value.to_bits()).collect(), Vec::new())
             }
-            Item::Change(place) => {
-                let change = &description.changes[place];
+            Item::Change(index) => {
+                let change = &description.changes[index];
                 (change.candidate, Vec::new(), change.knobs.clone())
             }
         };
@@ -49,8 +49,8 @@ fn differing(bench: &Bench<'_>, one: &Description, other: &Description) -> Vec<u
         .flat_map(|it| items(it).into_iter().map(|item| reached_by(bench, it, item)))
         .collect();
     loop {
-        let joined = reaches.iter().filter(|reach| reach.iter().any(|block| differs.contains(block)));
-        let more: Vec<usize> = joined.flatten().copied().filter(|block| !differs.contains(block)).collect();
+        let linked = reaches.iter().filter(|reach| reach.iter().any(|block| differs.contains(block)));
+        let more: Vec<usize> = linked.flatten().copied().filter(|block| !differs.contains(block)).collect();
         if more.is_empty() {
             return differs;
         }
@@ -60,7 +60,7 @@ fn differing(bench: &Bench<'_>, one: &Description, other: &Description) -> Vec<u
     }
 }
 
-/// Gives a description what another has in some blocks, which no item joins to others.
+/// Gives a description what another has in some blocks, which no item links to others.
 fn take_over(bench: &Bench<'_>, description: &mut Description, other: &Description, blocks: &[usize]) {
     let model = bench.problem.model;
     let is_there = |source: usize| model.block_of_source(source).is_some_and(|block| blocks.contains(&block));
