@@ -30,7 +30,7 @@ pub struct NoiseSummary {
 }
 
 /// The noise in use beside that of the data sheet, `configured`.
-pub(super) fn noise(estimate: &NoiseEstimate, configured: &MarkovNoise<f32>) -> NoiseSummary {
+pub(super) fn noise(estimate: &NoiseEstimate, configured: MarkovNoise<f32>) -> NoiseSummary {
     let noise = &estimate.noise;
     // A channel whose fit fails keeps its noise to the last bit.
     let is_retuned = noise.sigma.to_bits() != configured.sigma.to_bits();
@@ -60,7 +60,7 @@ mod tests {
         let configured = MarkovNoise { sigma: 1e-3_f32, tau_s: 60.0 };
         let status = |sigma, status| {
             let noise = ColouredNoise { sigma, alpha: 1.0 / 60.0, beta: 0.0 };
-            super::noise(&NoiseEstimate { noise, status }, &configured).status
+            super::noise(&NoiseEstimate { noise, status }, configured).status
         };
         assert_eq!(status(1e-3, ChannelStatus::DataSheet), "data_sheet");
         assert_eq!(status(2e-3, ChannelStatus::DataSheet), "not_judged");
