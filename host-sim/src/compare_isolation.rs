@@ -9,7 +9,7 @@
 //! Equation ids FDI-1, FDI-3, FDI-4.
 use std::f64::consts::TAU;
 
-use nalgebra::{DMatrix, Matrix4, SMatrix, SVector, Vector3};
+use nalgebra::{DMatrix, SMatrix, SVector, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64;
@@ -24,6 +24,11 @@ use schuler_core::isolation::sequential::{Recursion, SequentialFilter};
 use serde::{Deserialize, Serialize};
 
 use crate::output::Interrupted;
+use condition::condition_numbers;
+
+pub mod condition;
+pub mod rule;
+pub mod tables;
 
 /// Blocks of this many gyros can be compared.
 pub const BLOCK_SIZES: std::ops::RangeInclusive<usize> = 5..=12;
@@ -101,9 +106,9 @@ impl From<ConfigError> for ComparisonError {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum IsolationMethod {
-    /// Largest likelihood statistic (v_kᵀp)²/‖v_k‖²: the optimum.
+    /// Largest likelihood statistic (v_kᵀp)²/‖v_k‖²: the optimum. The flight module decides by it, over many samples.
     Likelihood,
-    /// Least determinant over ‖v_j‖: what flies.
+    /// Least determinant over ‖v_j‖. The flight module watches with it the four gyros that remain.
     Determinants,
     /// Least determinant as published, not normalised.
     RawDeterminants,
@@ -320,20 +325,8 @@ impl<const N: usize> Methods<N> {
 
     /// The gyro without which [A y] is conditioned worst. `[FDI-3.5]`
     fn largest_condition(&self, measurements: &SVector<f64, N>) -> usize {
-        let columns = [0, 1, 2, 3].map(|k| match k {
-            3 => measurements * self.condition_unit,
-            _ => self.axes.column(k).into_owned(),
-        });
-        let condition = |removed: usize, _| {
-            // A row of zeros leaves the singular values of the others as they are.
-            let values = triangle(columns.map(|mut column| {
-                column[removed] = 0.0;
-                column
-            }))
-            .singular_values();
-            values.max() / values.min()
-        };
-        largest(SVector::<f64, N>::from_fn(condition).as_slice())
+        let numbers = condition_numbers(&self.axes, &(measurements * self.condition_unit));
+        largest(numbers.as_slice())
     }
 }
 
@@ -460,27 +453,6 @@ fn rows_of(counts: &Counts, fault: f64, trials: u64, gyros: usize) -> Vec<Compar
             }
         })
         .collect()
-}
-
-/// Triangular factor of the matrix with these columns, which has the same singular values: Gram–Schmidt, every projection
-/// done twice.
-fn triangle<const N: usize>(mut columns: [SVector<f64, N>; 4]) -> Matrix4<f64> {
-    let mut factor = Matrix4::zeros();
-    for k in 0..4 {
-        let (done, rest) = columns.split_at_mut(k);
-        let column = &mut rest[0];
-        for _ in 0..2 {
-            for (j, direction) in done.iter().enumerate() {
-                let along = direction.dot(column);
-                *column -= *direction * along;
-                factor[(j, k)] += along;
-            }
-        }
-        let norm = column.norm();
-        factor[(k, k)] = norm;
-        *column /= if norm > 0.0 { norm } else { 1.0 };
-    }
-    factor
 }
 
 /// Index of the largest value.

@@ -227,6 +227,23 @@ fn compare_isolation_gives_table_figure_and_json_for_any_block() {
     assert_eq!(schuler(&["compare-isolation", "--faults", "nan"]).status.code(), Some(2));
 }
 
+#[test]
+fn compare_isolation_prints_the_tables_of_the_paper() {
+    let directory = tempfile::tempdir().unwrap();
+    let out = directory.path().join("paper");
+    let words = text(&schuler(&["compare-isolation", "--tables", "--out", out.to_str().unwrap()]).stdout);
+    // First and last number of each table, calculated and printed.
+    for pair in ["0.2849   (0.2849)", "2.0705   (2.0705)", "0.0814   (0.0814)", "0.0354   (0.0354)"] {
+        assert!(words.contains(pair), "{pair}\n{words}");
+    }
+    assert_eq!(words.matches("25 of 25 numbers equal the printed ones").count(), 2, "{words}");
+    let written = std::fs::read_to_string(out.join("isolation-tables.json")).unwrap();
+    let answer: serde_json::Value = serde_json::from_str(&written).unwrap();
+    assert_eq!(answer["differing"], serde_json::json!([0, 0]));
+    assert_eq!(answer["rows"].as_array().unwrap().len(), 6);
+    assert_eq!(schuler(&["compare-isolation", "--tables", "--gyros", "7"]).status.code(), Some(2));
+}
+
 #[cfg(unix)]
 #[test]
 fn ctrl_c_stops_the_run_and_leaves_no_half_written_file() {

@@ -2,7 +2,8 @@
 //!
 //! In: `tests/equations.txt`, the ids in brackets in the comments of the sources, and those in the names of the tests
 //! (`fil_11_…`). Code for reference in `tests/src` counts as code.
-//! Out: a table, and every hole: an id with code and no test, a test and no code, neither, or one that is not listed.
+//! Out: a table, and every hole: an id with code and no test, a test and no code, neither, one that is out of scope and
+//! has either, or one that is not listed.
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -18,6 +19,18 @@ const KINDS: [&str; 9] = ["fn", "struct", "enum", "trait", "type", "const", "sta
 /// The parts of the specification, as prefixes of ids.
 const PARTS: [&str; 4] = ["FIL", "FDI", "TMP", "HLT"];
 
+/// What an equation needs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Kind {
+    /// Code and a test.
+    #[default]
+    Code,
+    /// Published numbers alone: a test suffices.
+    Numbers,
+    /// Out of scope, with the reason: neither code nor test.
+    Outside,
+}
+
 /// One line of the list with what was found for it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Equation {
@@ -25,8 +38,10 @@ pub struct Equation {
     pub id: String,
     /// What it is.
     pub title: String,
-    /// Published numbers alone: a test suffices.
-    pub numbers: bool,
+    /// What it needs.
+    pub kind: Kind,
+    /// Its numbers or sections in the paper, or a dash where the project adds it.
+    pub source: String,
     /// File and item.
     pub code: BTreeSet<(PathBuf, String)>,
     /// File and name.
@@ -47,16 +62,22 @@ pub fn trace(root: &Path) -> std::io::Result<(Vec<Equation>, Vec<String>)> {
     let list = std::fs::read_to_string(root.join(LIST))?;
     let mut equations: Vec<Equation> = Vec::new();
     for line in list.lines().filter(|line| !line.starts_with('#') && !line.trim().is_empty()) {
-        let mut parts = line.splitn(3, '|').map(str::trim);
-        let (id, kind, title) = (parts.next(), parts.next(), parts.next());
-        let (Some(id), Some(kind @ ("code" | "numbers")), Some(title)) = (id, kind, title) else {
+        let parts: Vec<&str> = line.splitn(4, '|').map(str::trim).collect();
+        let kind = match parts.get(1) {
+            Some(&"code") => Some(Kind::Code),
+            Some(&"numbers") => Some(Kind::Numbers),
+            Some(&"outside") => Some(Kind::Outside),
+            _ => None,
+        };
+        let (Some(kind), [id, _, source, title]) = (kind, &parts[..]) else {
             holes.push(format!("{LIST}: cannot be understood: {line}"));
             continue;
         };
         equations.push(Equation {
-            id: id.to_owned(),
-            title: title.to_owned(),
-            numbers: kind == "numbers",
+            id: (*id).to_owned(),
+            title: (*title).to_owned(),
+            kind,
+            source: (*source).to_owned(),
             ..Equation::default()
         });
     }
@@ -104,11 +125,14 @@ pub fn trace(root: &Path) -> std::io::Result<(Vec<Equation>, Vec<String>)> {
     }
     for equation in &equations {
         let id = &equation.id;
-        match (equation.code.is_empty() && !equation.numbers, equation.tests.is_empty()) {
-            (true, true) => holes.push(format!("{id} has neither code nor test")),
-            (true, false) => holes.push(format!("{id} has a test and no code")),
-            (false, true) => holes.push(format!("{id} has no test")),
-            (false, false) => {}
+        let (code, tests) = (!equation.code.is_empty(), !equation.tests.is_empty());
+        match (equation.kind, code, tests) {
+            (Kind::Outside, true, _) => holes.push(format!("{id} is out of scope and has code")),
+            (Kind::Outside, false, true) => holes.push(format!("{id} is out of scope and has a test")),
+            (Kind::Code, false, false) => holes.push(format!("{id} has neither code nor test")),
+            (Kind::Code, false, true) => holes.push(format!("{id} has a test and no code")),
+            (Kind::Code, true, false) | (Kind::Numbers, _, false) => holes.push(format!("{id} has no test")),
+            (Kind::Outside, false, false) | (_, _, true) => {}
         }
     }
     Ok((equations, holes))
@@ -119,10 +143,17 @@ pub fn table(equations: &[Equation]) -> String {
     let mut text = "# Equations, code and tests\n\n\
         Made by `cargo run -p schuler-tests --bin equations` from the comments of the code (`[FDI-4]`), the names of the tests\n\
         (`fdi_4_…`) and [the list of what must exist](../tests/equations.txt). A test fails on a hole and when this page is out of\n\
-        date. FIL: noise identification, numbers of the paper's equations. FDI: five gyros. TMP: temperature rate and\n\
-        calibration. HLT: health monitor.\n\n| id | what it is | code | tests |\n| --- | --- | --- | --- |\n"
+        date.\n\n\
+        | part | paper | ids |\n| --- | --- | --- |\n\
+        | FIL | Chernodarov, Patrikeev, Ivanov: identification of noise models | numbers of its equations |\n\
+        | FDI | Larin (2015): five gyros | the project's |\n\
+        | TMP | Tarygin (2024): rate of temperature, calibration | the project's |\n\
+        | HLT | Bolelov, Sbitnev: health of a radio sensor | the project's |\n\n\
+        The column `in the paper` has the numbers of the equations and sections in the paper. A dash: the project adds it.\n\n\
+        | id | in the paper | what it is | code | tests |\n| --- | --- | --- | --- | --- |\n"
         .to_owned();
-    for equation in equations {
+    let outside = |equation: &&Equation| equation.kind == Kind::Outside;
+    for equation in equations.iter().filter(|equation| !outside(equation)) {
         let links = |places: &BTreeSet<(PathBuf, String)>| {
             let links: Vec<String> =
                 places.iter().map(|(file, name)| format!("[`{name}`](../{})", file.display())).collect();
@@ -131,12 +162,17 @@ pub fn table(equations: &[Equation]) -> String {
         // Writing into a string cannot fail.
         let _ = writeln!(
             text,
-            "| {} | {} | {} | {} |",
+            "| {} | {} | {} | {} | {} |",
             equation.id,
+            equation.source,
             equation.title,
             links(&equation.code),
             links(&equation.tests)
         );
+    }
+    text += "\n## Out of scope\n\n| id | in the paper | what it is, and why it is not here |\n| --- | --- | --- |\n";
+    for equation in equations.iter().filter(outside) {
+        let _ = writeln!(text, "| {} | {} | {} |", equation.id, equation.source, equation.title);
     }
     text
 }

@@ -1,7 +1,7 @@
 //! Equations that are proved by their definition: what the code returns satisfies them.
 use schuler_core::filter::{DiscreteModel, MarkovNoise};
 use schuler_core::health::HealthConfig;
-use schuler_core::identification::{fit_exponential, fit_exponential_cosine};
+use schuler_core::identification::{compare, fit_exponential, fit_exponential_cosine};
 
 /// Spacing of the autocorrelations, s.
 const SPACING_S: f64 = 10.0;
@@ -15,7 +15,7 @@ fn rough(k: usize, beta: f64) -> f64 {
 /// White noise of the level that the code gives makes the variance of the process: q τ/2 = σ², and over
 /// a step that is short against τ the discrete noise is q Δ.
 #[test]
-fn fil_8_level_of_the_driving_noise_gives_the_variance() {
+fn fil_8_fil_9_level_of_the_driving_noise_gives_the_variance() {
     for (sigma, tau_s) in [(9.8e-4_f64, 60.0_f64), (4.8e-7, 3600.0)] {
         let noise = MarkovNoise { sigma, tau_s };
         let q = noise.spectral_level();
@@ -27,6 +27,26 @@ fn fil_8_level_of_the_driving_noise_gives_the_variance() {
         assert!((model.decay[1] - (-1e-3_f64).exp()).abs() < 1e-14);
         assert!((model.noise[9] / (q * step) - (1.0 - 1e-3)).abs() < 1e-6, "{}", model.noise[9] / (q * step));
     }
+}
+
+/// The misfits by which structures are compared are the paper's sums of squares, over the normalised correlation and the
+/// number of lags.
+#[test]
+fn fil_10_fil_18_misfits_are_the_sums_of_squares() {
+    let r: Vec<f64> = (0..400).map(|k| rough(k, 2.0e-3)).collect();
+    let exponential = fit_exponential(&r, SPACING_S, 0.5).expect("a fit");
+    let cosine = fit_exponential_cosine(&r, SPACING_S).expect("a fit");
+    let found = compare(&r, SPACING_S, 4000.0, &exponential, &cosine);
+    let lags = 3 * cosine.crossing_lag as usize;
+    assert!(lags < r.len());
+    let misfit = |model: &dyn Fn(f64) -> f64| {
+        let square = |k: usize| (r[k] / r[0] - model(k as f64 * SPACING_S)).powi(2);
+        (0..=lags).map(square).sum::<f64>() / (lags + 1) as f64
+    };
+    let first = misfit(&|t| (-exponential.alpha * t).exp());
+    let second = misfit(&|t| (-cosine.alpha * t).exp() * (cosine.beta * t).cos());
+    assert!((found.exponential / first - 1.0).abs() < 1e-12, "{} {first}", found.exponential);
+    assert!((found.exponential_cosine / second - 1.0).abs() < 1e-12, "{} {second}", found.exponential_cosine);
 }
 
 /// The decay that is returned solves Σ ln r_j = −α Σ jΔ over the lags that were used, and those are the first run above the

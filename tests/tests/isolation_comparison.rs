@@ -1,8 +1,16 @@
 //! The isolation methods against the optimum, as the host compares them.
+use host_sim::compare_isolation::rule::{RuleComparison, compare_rule, rule, threshold};
+use host_sim::compare_isolation::tables::{PaperTables, differing};
 use host_sim::compare_isolation::{
     ComparisonRow, IsolationComparison, IsolationMethod, compare_isolation, cone,
 };
+use nalgebra::SVector;
+use rayon::prelude::*;
 use schuler_core::config::Problem;
+use schuler_core::isolation::sequential::{Recursion, SequentialFilter};
+use statrs::distribution::{ContinuousCDF, Normal};
+
+use crate::isolation_common;
 
 fn row(rows: &[ComparisonRow], method: IsolationMethod, fault: f64) -> ComparisonRow {
     *rows.iter().find(|row| row.method == method && row.fault == fault).expect("is in the table")
@@ -170,5 +178,95 @@ fn comparison_is_reproducible_and_rejects_nonsense() {
     ] {
         let error = compare_isolation(&comparison).expect_err("makes no sense");
         assert_eq!((error.field, error.problem), (field, problem));
+    }
+}
+
+#[test]
+fn fdi_11_both_tables_beside_the_printed_digits() {
+    for rate in [[0.0; 3], [1.0, -2.0, 3.0]] {
+        let tables = PaperTables::try_build(rate).expect("the paper's block serves");
+        assert_eq!(differing(&tables.ratios, &tables.published_ratios), 0, "{:?}", tables.ratios);
+        assert_eq!(differing(&tables.determinants, &tables.published_determinants), 0);
+        // The Kalman filter's ratios are other numbers, and the count says so.
+        assert_eq!(differing(&tables.kalman_ratios, &tables.published_ratios), 25);
+        let mut wrong = tables.determinants;
+        wrong[3][1] += 1e-4;
+        assert_eq!(differing(&wrong, &tables.published_determinants), 1);
+    }
+    let rest = PaperTables::try_build([0.0; 3]).expect("the paper's block serves");
+    let moving = PaperTables::try_build([1.0, -2.0, 3.0]).expect("the paper's block serves");
+    for (found, expected) in rest.conditions[0].iter().zip([21.9045, 5.0112, 2.8703, 3.1676, 6.1987]) {
+        assert!((found - expected).abs() < 1e-4, "{found} {expected}");
+    }
+    // Only G y is without the rate.
+    let change = |a: &[[f64; 5]; 5], b: &[[f64; 5]; 5]| {
+        a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (a / b - 1.0).abs()).fold(0.0, f64::max)
+    };
+    assert!(change(&rest.residual_conditions, &moving.residual_conditions) < 1e-9);
+    assert!(change(&rest.conditions, &moving.conditions) > 0.1);
+}
+
+/// Share of the samples on which the rule declares a step of this size in this gyro: the two innovations are normal and
+/// independent, with the means that the step alone gives them.
+fn declared(filter: &SequentialFilter<f64, 5>, limit: f64, gyro: usize, size: f64) -> f64 {
+    let normal = Normal::standard();
+    let means = filter.statistics(4, &(SVector::<f64, 5>::ith(gyro, size)));
+    let below = |statistic: f64| {
+        let (mean, edge) = (statistic.sqrt(), limit.sqrt());
+        normal.cdf(edge - mean) - normal.cdf(-edge - mean)
+    };
+    1.0 - below(means.last) * below(means.previous)
+}
+
+#[test]
+fn fdi_3_3_rule_of_the_paper_has_the_stated_false_alarms() {
+    let filter = SequentialFilter::new(isolation_common::cone().geometry(), Recursion::Kalman);
+    for interval in [1e2, 1e3] {
+        let limit = threshold(interval);
+        assert!((declared(&filter, limit, 0, 0.0) * interval - 1.0).abs() < 1e-6);
+        let samples = 400_000_u64;
+        let alarms = (0..samples)
+            .into_par_iter()
+            .filter(|sample| {
+                let mut rng = isolation_common::generator(35, *sample);
+                rule(&filter, limit, &isolation_common::noise(&mut rng)).is_some()
+            })
+            .count() as f64;
+        // Four standard errors of the count.
+        let expected = samples as f64 / interval;
+        assert!((alarms - expected).abs() < 4.0 * expected.sqrt(), "{interval}: {alarms} {expected}");
+    }
+}
+
+#[test]
+fn fdi_6_sequential_detector_is_faster_than_the_rule_of_the_paper_for_small_steps() {
+    let comparison = RuleComparison { faults: vec![2.0, 4.0, 8.0], ..RuleComparison::default() };
+    let rows = compare_rule(&comparison, |_| Ok(())).expect("makes sense");
+    assert_eq!(rows, compare_rule(&comparison, |_| Ok(())).expect("makes sense"), "the seed decides");
+    let filter = SequentialFilter::new(isolation_common::cone().geometry(), Recursion::Kalman);
+    let limit = threshold(comparison.false_alarm_interval);
+    for row in &rows {
+        println!("{row:?}");
+        let expected = (0..5).map(|gyro| 1.0 / declared(&filter, limit, gyro, row.fault)).sum::<f64>() / 5.0;
+        // The waiting time has a standard deviation of its mean: five standard errors of 500 runs, and some for the spread
+        // between the gyros.
+        assert!((row.rule_delay / expected - 1.0).abs() < 0.3, "{row:?} {expected}");
+        assert!(row.detector_right >= 0.95, "{row:?}");
+        assert!(row.detector_right >= row.rule_right, "{row:?}");
+        assert!(row.isolation_delay >= row.detector_delay);
+        if row.fault < 8.0 {
+            assert!(row.detector_delay < 0.5 * row.rule_delay, "{row:?}");
+        }
+    }
+    for (field, comparison) in [
+        ("comparison.runs", RuleComparison { runs: 0, ..comparison.clone() }),
+        ("comparison.faults", RuleComparison { faults: vec![f64::NAN], ..comparison.clone() }),
+        (
+            "comparison.false_alarm_interval",
+            RuleComparison { false_alarm_interval: 0.0, ..comparison.clone() },
+        ),
+    ] {
+        let error = compare_rule(&comparison, |_| Ok(())).expect_err("makes no sense");
+        assert!(error.to_string().contains(field), "{error}");
     }
 }

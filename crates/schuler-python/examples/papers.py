@@ -92,6 +92,13 @@ for rate in ([0.0, 0.0, 0.0], [1.0, -2.0, 3.0]):
     compare(f"Table 1, rate {rate}", published, TABLE_1, relative=5.1e-5, absolute=5.1e-5)
     compare(f"the same by Kalman's gain, rate {rate}", block.sequential(rates).ratio[::-1], KALMAN, 1e-5, 1e-5)
 
+# The condition numbers of the same matrices, in the place of the determinants; the paper prints none.
+conditions = block.condition_numbers(noise + np.eye(5))
+augmented = np.dstack([np.broadcast_to(block.axes, (5, 5, 3)), (noise + np.eye(5))[:, :, None]])
+expected = np.stack([np.linalg.cond(np.delete(augmented, k, axis=1)) for k in range(5)], axis=1)
+compare("condition numbers at rest", conditions, expected, 1e-9, 0.0)
+assert (conditions.argmax(1) == np.arange(5)).all()
+
 # Every method names the gyro that has failed, and they are one.
 scaled = schuler.GyroBlock(sigma=np.full(5, 0.1))
 projection = scaled.project(rates)

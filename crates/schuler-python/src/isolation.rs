@@ -1,4 +1,5 @@
 //! Five gyros.
+use host_sim::compare_isolation::condition::condition_numbers;
 use nalgebra::{SVector, Vector3};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -141,6 +142,30 @@ impl GyroBlock {
             if normalised { self.normalised.of(&self.whitened(y)) } else { self.raw.of(&SVector::from(*y)) }
         };
         let found = py.detach(|| rates.iter().map(|y| of(y).into()).collect());
+        array2::<f64, GYROS>(py, found)
+    }
+
+    /// The condition number of [A y] without row j, shape (n, 5); the largest names the gyro. The paper's alternative to the
+    /// determinants: it depends on the unit of the rates and on the rate of the body. residual: of [A Gy], which does not
+    /// contain the rate. Axes and rates are weighed by the least sigma over each gyro's own.
+    #[pyo3(signature = (rates, *, residual=false))]
+    fn condition_numbers(
+        &self,
+        py: Python<'_>,
+        rates: &Bound<'_, PyAny>,
+        residual: bool,
+    ) -> PyResult<Py<PyArray2<f64>>> {
+        let rates = rows::<GYROS>("rates", rates)?;
+        let geometry = self.space.geometry();
+        let (axes, projector) = (geometry.matrix(), geometry.projector());
+        let of = |y: &Five| -> Five {
+            if y.iter().any(|rate| rate.is_nan()) {
+                return [f64::NAN; GYROS];
+            }
+            let weighed = self.whitened(y) * geometry.reference_sigma();
+            condition_numbers(&axes, &if residual { projector * weighed } else { weighed }).into()
+        };
+        let found = py.detach(|| rates.iter().map(of).collect());
         array2::<f64, GYROS>(py, found)
     }
 

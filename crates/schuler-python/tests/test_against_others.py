@@ -96,6 +96,14 @@ def test_isolation_from_linear_algebra() -> None:
         determinant = np.linalg.det(np.delete(augmented, k, axis=1))
         np.testing.assert_allclose(np.abs(block.determinants(rates, normalised=False)[:, k]), np.abs(determinant), rtol=1e-8, atol=1e-12)
 
+        least = sigma.min()
+        for condition, fourth in (
+            (block.condition_numbers(rates), whitened * least),
+            (block.condition_numbers(rates, residual=True), whitened * least @ (v.T @ v)),
+        ):
+            columns = np.dstack([np.broadcast_to(whitened_axes * least, (200, 5, 3)), fourth[:, :, None]])
+            np.testing.assert_allclose(condition[:, k], np.linalg.cond(np.delete(columns, k, axis=1)), rtol=1e-6)
+
         four = np.delete(np.arange(5), k)
         expected = np.linalg.lstsq(whitened_axes[four], whitened[:, four].T, rcond=None)[0].T
         np.testing.assert_allclose(block.rate(rates, without=k), expected, rtol=1e-8, atol=1e-10)

@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use super::Failure;
 use super::fly::write_json;
+use super::isolation_tables;
 use super::session::Session;
 use super::text::put;
 use crate::compare_isolation::{
@@ -29,7 +30,10 @@ Examples:
     schuler compare-isolation
 
   The gyros of a case, faults of three and five standard deviations:
-    schuler compare-isolation --case block/case.toml --faults 3,5";
+    schuler compare-isolation --case block/case.toml --faults 3,5
+
+  Both tables of the paper with the printed digits, and its rule of detection:
+    schuler compare-isolation --tables";
 
 /// What to compare.
 #[derive(Debug, clap::Args)]
@@ -53,6 +57,9 @@ pub(super) struct Arguments {
     /// Standard deviation of a gyro in the unit in which the condition number sees it.
     #[arg(long, default_value_t = 0.1)]
     condition_unit: f64,
+    /// Calculate both tables of the paper beside the printed digits, and its rule k_s,max beside the sequential detector.
+    #[arg(long, conflicts_with_all = ["gyros", "case", "faults", "trials", "rate", "condition_unit", "plot"])]
+    tables: bool,
     /// Seed.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -75,6 +82,9 @@ struct Answer {
 }
 
 pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failure> {
+    if arguments.tables {
+        return isolation_tables::run(arguments.seed, arguments.out.as_deref(), session);
+    }
     let (axes, sigma) = match &arguments.case {
         Some(path) => block_of(path, session)?,
         None => (cone(arguments.gyros), vec![1.0; arguments.gyros]),

@@ -35,6 +35,7 @@ mod freeze;
 mod identify;
 mod init;
 mod into;
+mod isolation_tables;
 mod man;
 mod memory;
 mod session;

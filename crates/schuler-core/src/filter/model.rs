@@ -40,7 +40,7 @@ pub struct DiscreteModel<T> {
 }
 
 impl<T: RealField + Copy> DiscreteModel<T> {
-    /// Exact discretisation over `step_s` seconds [FIL-3] [FIL-7]: scaling and squaring for Φ, and for
+    /// Exact discretisation over `step_s` seconds [FIL-3] [FIL-7] [FIL-9]: scaling and squaring for Φ, and for
     /// Q = ∫ Φ(s) G q Gᵀ Φᵀ(s) ds a Gauss rule over the short step, composed with itself.
     pub fn exact(
         radius_m: T,

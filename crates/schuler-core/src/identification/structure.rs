@@ -174,7 +174,8 @@ pub fn choose_structure<T: RealField + Copy>(
     }
 }
 
-/// Misfits of the two structures over lags 0 … 3k.
+/// Misfits of the two structures over lags 0 … 3k: the functions [FIL-10] and [FIL-18] over the number of lags. The paper
+/// minimises them; here they choose between structures whose parameters come from the log-linear equations.
 pub fn compare<T: RealField + Copy>(
     autocorrelation: &[T],
     spacing_s: T,

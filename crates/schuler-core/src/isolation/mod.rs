@@ -9,10 +9,10 @@
 //! | --- | --- |
 //! | [`geometry`] | the axes in units of their noise, and whether they can serve |
 //! | [`parity`] | what the five measurements say that no rate can explain |
-//! | [`determinants`] | the five determinants: the disagreement of each four |
+//! | [`determinants`] | the five determinants: the disagreement of each four; they watch the four that are left |
 //! | [`rate`] | the rate from five, or from the four that are left |
 //! | [`thresholds`] | thresholds for a stated mean time between false alarms |
-//! | [`detector`] | alarm, and which gyro |
+//! | [`detector`] | alarm, and which gyro: the accumulated likelihood decides |
 //! | [`remaining`] | alarm among the four that are left |
 //! | [`projector`], [`sequential`] | the paper's other methods, for any number of gyros: cross-checks |
 //!

@@ -7,7 +7,7 @@ recordings, on numpy arrays and data frames.
 | `AdaptiveFilter` | the same as it flies: finds out its noise and retunes; withholds a faulty radio |
 | `autocorrelation`, `fit_exponential`, `fit_exponential_cosine`, `choose_structure`, `allan_deviation` | noise of a series |
 | `identify` | noise of every sensor of a recording |
-| `GyroBlock` | five gyros: determinants, projector, sequential filter, likelihood |
+| `GyroBlock` | five gyros: determinants, condition numbers, projector, sequential filter, likelihood |
 | `FaultIsolation` | the isolation that flies |
 | `explain` | why a recording does not look like its simulation: of a data frame, of arrays, of a case |
 | `compare` | the same of a simulator's output beside a recording |

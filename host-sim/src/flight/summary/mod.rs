@@ -172,8 +172,8 @@ impl<'c> Summing<'c> {
             filter: has_velocity.then(|| self.filter.finish(&last)),
             filter_since_retuning: since_retuning.filter(|_| has_velocity).map(|it| it.finish(&last)),
             identification: (has_velocity && steps > 0).then(|| IdentificationSummary {
-                accelerometer: identification::noise(&end.accelerometer),
-                gyro: identification::noise(&end.gyro),
+                accelerometer: identification::noise(&end.accelerometer, channel.config.filter.accelerometer),
+                gyro: identification::noise(&end.gyro, channel.config.filter.gyro),
                 retuned_at_s: self.retuned_at_s,
             }),
             gyros: channel.gyros.as_ref().map(|ids| self.gyros.finish(ids, &last, steps)),
