@@ -540,6 +540,21 @@ fn readings_less_the_exported_model_have_the_likelihood_of_the_answer() {
     }
 }
 
+/// What is found does not depend on how many threads seek it, nor on which of them is first.
+#[test]
+fn the_answer_is_the_same_by_one_thread_and_by_several() {
+    let folder = tempfile::tempdir().unwrap();
+    let recording = standing(folder.path(), 10_000);
+    let answer = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        serde_json::to_string(&pool.install(|| explained(&recording).0)).unwrap()
+    };
+    let one = answer(1);
+    for threads in [2, 3, 4] {
+        assert_eq!(answer(threads), one, "{threads} threads");
+    }
+}
+
 /// A model that is added to the prediction of a second explanation leaves nothing to be found, at the likelihood that the first one promised.
 #[test]
 fn a_simulation_with_the_model_leaves_nothing_to_explain() {
