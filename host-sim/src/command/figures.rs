@@ -118,9 +118,8 @@ fn kept(from: &Path, name: &str, to: &Path, as_name: &str) -> Result<PathBuf, Fa
 /// The demonstration's flight, retuned by the published loop and by maximum likelihood.
 fn published_loop(case: &Path, session: &Session) -> Result<Figure, Failure> {
     let recording = Recording::read(case)?;
-    let planned = flight::plan(&recording).map_err(|problem| Error::one(case, problem))?;
-    let channel = planned.into_iter().next().ok_or_else(|| anyhow::anyhow!("nothing to fly"))?;
-    let truth = demo::identification::truth(case, &channel.name, &recording)?;
+    let channel = demo::channel_of(&recording, case)?;
+    let truth = demo::truth(case, &channel.name, &recording)?;
     let fly = |method: Method| {
         let mut channel = channel.clone();
         channel.config.identification.method = method;

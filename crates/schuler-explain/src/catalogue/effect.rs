@@ -84,8 +84,7 @@ pub struct Candidate {
 impl Candidate {
     /// Whether it is a shape sought at every time or frequency that several sensors have in common, with an amplitude of each.
     pub fn is_in_common(&self) -> bool {
-        let is_shape = matches!(self.search, Search::Onset(_) | Search::Frequency);
-        is_shape && matches!(self.target, Target::Group { .. })
+        self.search.is_scanned() && matches!(self.target, Target::Group { .. })
     }
 
     /// Whether it is a mean that jumps on and off.
@@ -138,6 +137,13 @@ pub enum Search {
     Noise(NoiseChange),
     /// The output itself shows it (stuck, clipped, coarse, spikes): judged from the readings.
     Readings(ReadingFault),
+}
+
+impl Search {
+    /// Whether it is a shape that is sought at every time or every frequency.
+    pub fn is_scanned(&self) -> bool {
+        matches!(self, Self::Onset(_) | Self::Frequency)
+    }
 }
 
 /// A parameter in which the signature is not linear.

@@ -101,14 +101,9 @@ impl Beam {
         }
     }
 
-    /// Adds to the best what makes it better until nothing does, or it is one that `ends` it. What takes the place of an item is sought from there on alone: below
-    /// it what is missing would decide.
-    pub fn ascend(
-        &mut self,
-        bench: &Bench<'_>,
-        library: &[Shelf],
-        ends: &dyn Fn(&Bench<'_>, &Description) -> bool,
-    ) {
+    /// Adds to the best what makes it better until nothing does, or it is one that `ends` it. What takes
+    /// the place of an item is sought from there on alone: below it what is missing would decide.
+    pub fn ascend(&mut self, bench: &Bench<'_>, library: &[Shelf], ends: &Ends<'_>) {
         loop {
             let (of, best) = self.known[0].clone();
             let among = with_room(bench, &best, all_blocks(bench));

@@ -1,6 +1,6 @@
 //! What descriptions have in some blocks: blocks that no item links are searched by themselves, and what is better in each is taken together.
-use super::moves::{Item, Structure, items, reached_by, structure, touched_by};
-use crate::evidence::fit::{Bench, Description};
+use super::moves::{Item, Structure, items, reached_by, structure_of, touched_by};
+use crate::evidence::fit::{Bench, Description, Placed};
 use crate::noise::Knob;
 
 /// The blocks that have sums.
@@ -64,9 +64,8 @@ fn differing(bench: &Bench<'_>, one: &Description, other: &Description) -> Vec<u
 fn take_over(bench: &Bench<'_>, description: &mut Description, other: &Description, blocks: &[usize]) {
     let model = bench.problem.model;
     let is_there = |source: usize| model.block_of_source(source).is_some_and(|block| blocks.contains(&block));
-    description.placed.retain(|placed| !touched_by(placed).iter().any(|block| blocks.contains(block)));
-    let of_other = other.placed.iter().filter(|it| touched_by(it).iter().any(|block| blocks.contains(block)));
-    description.placed.extend(of_other.cloned());
+    description.placed.retain(|placed| !touches(placed, blocks));
+    description.placed.extend(other.placed.iter().filter(|placed| touches(placed, blocks)).cloned());
     description.changes.retain(|change| !is_there(change.source));
     description.changes.extend(other.changes.iter().filter(|change| is_there(change.source)).cloned());
     description.nuisances.retain(|(source, _)| !is_there(*source));
@@ -80,11 +79,17 @@ fn take_over(bench: &Bench<'_>, description: &mut Description, other: &Descripti
     }
 }
 
+/// Whether an effect reaches one of some blocks.
+fn touches(placed: &Placed, blocks: &[usize]) -> bool {
+    touched_by(placed).iter().any(|block| blocks.contains(block))
+}
+
 /// What makes descriptions the same in some blocks.
 pub fn structure_in(bench: &Bench<'_>, description: &Description, among: &[usize]) -> Structure {
-    let mut here = description.clone();
-    here.placed.retain(|placed| touched_by(placed).iter().any(|block| among.contains(block)));
-    let is_there = |source| bench.problem.model.block_of_source(source).is_some_and(|it| among.contains(&it));
-    here.changes.retain(|change| is_there(change.source));
-    structure(&here)
+    let model = bench.problem.model;
+    let is_there = |source: usize| model.block_of_source(source).is_some_and(|it| among.contains(&it));
+    structure_of(
+        description.placed.iter().filter(|placed| touches(placed, among)),
+        description.changes.iter().filter(|change| is_there(change.source)),
+    )
 }

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::library::{Offer, placed};
 use super::moves::with_placed;
-use crate::catalogue::{Candidate, Search};
+use crate::catalogue::Candidate;
 use crate::description::sensors_of;
 use crate::evidence::fit::{Bench, Description, Placed};
 use crate::search::beside::Beside;
@@ -100,8 +100,7 @@ fn moves(bench: &Bench<'_>, description: &Description) -> Vec<Shared> {
 
 /// The time of a step or the frequency of a line; none of other effects.
 fn at_of(candidate: &Candidate, placed: &Placed) -> Option<f64> {
-    let is_shape = matches!(candidate.search, Search::Onset(_) | Search::Frequency);
-    placed.term.nonlinear.first().copied().filter(|_| is_shape)
+    placed.term.nonlinear.first().copied().filter(|_| candidate.search.is_scanned())
 }
 
 /// The sensor that a candidate has more than another one of the same effect.

@@ -189,11 +189,10 @@ pub struct Base {
 impl Base {
     /// Whether what is offered is what it lacks: the same candidate, a jump or a line at the same place.
     fn lacks(&self, bench: &Bench<'_>, offer: &Offer) -> bool {
-        let (problem, rows) = (bench.problem, bench.problem.time_s().len() as f64);
-        let duration_s = problem.time_s().last().copied().unwrap_or_default() - problem.time_s()[0];
+        let problem = bench.problem;
         let width = match problem.candidates[offer.candidate].search {
-            Search::Onset(_) => problem.config.least_segment as f64 * duration_s / rows,
-            Search::Frequency => duration_s.recip(),
+            Search::Onset(_) => problem.config.least_segment as f64 * problem.model.step_s,
+            Search::Frequency => problem.inputs.duration_s().recip(),
             _ => f64::INFINITY,
         };
         let is_it = |lacked: &Term| {
@@ -293,7 +292,7 @@ fn effects<'p>(bench: &Bench<'_>, promises: &'p [Promises<'p>]) -> Vec<(&'p Base
         };
         let all: Vec<_> = promises.iter().flat_map(sought).collect();
         // A grid may miss the best by much, so that its offers are compared with each other.
-        let kind = |offer: &Offer| (is_grid(offer), is_scanned(&problem.candidates[offer.candidate].search));
+        let kind = |offer: &Offer| (is_grid(offer), problem.candidates[offer.candidate].search.is_scanned());
         for of in [(false, false), (true, false), (false, true)] {
             let own = all.iter().filter(|(_, (_, _, offer))| kind(offer) == of).cloned().collect();
             let mut chosen = most_promising(bench, own);
@@ -316,11 +315,6 @@ fn effects<'p>(bench: &Bench<'_>, promises: &'p [Promises<'p>]) -> Vec<(&'p Base
         }
     }
     effects
-}
-
-/// Whether a candidate is sought at every row or frequency.
-fn is_scanned(search: &Search) -> bool {
-    matches!(search, Search::Onset(_) | Search::Frequency)
 }
 
 /// A description with an effect more, fitted; with the stated noise of its sensors as it is or times the effect's factor, whichever is
@@ -358,12 +352,19 @@ pub type Structure = Vec<(usize, Vec<String>)>;
 
 /// The structure of a description.
 pub fn structure(description: &Description) -> Structure {
-    let placed = description.placed.iter().map(|placed| (placed.term.candidate, Vec::new()));
-    let changes = description
-        .changes
-        .iter()
-        .map(|change| (change.candidate, change.knobs.iter().map(|knob| format!("{knob:?}")).collect()));
-    let mut all: Structure = placed.chain(changes).collect();
+    structure_of(&description.placed, &description.changes)
+}
+
+/// The structure of some items.
+pub fn structure_of<'i>(
+    placed: impl IntoIterator<Item = &'i Placed>,
+    changes: impl IntoIterator<Item = &'i Change>,
+) -> Structure {
+    let of_effect = |placed: &Placed| (placed.term.candidate, Vec::new());
+    let of_change =
+        |change: &Change| (change.candidate, change.knobs.iter().map(|knob| format!("{knob:?}")).collect());
+    let changes = changes.into_iter().map(of_change);
+    let mut all: Structure = placed.into_iter().map(of_effect).chain(changes).collect();
     all.sort();
     all
 }

@@ -59,8 +59,7 @@ pub(super) fn of_sources<T: Send>(
             block.sensors.contains(&sensor).then_some(())?;
             let source =
                 Source { beside, block, sums, index, impulses: &impulses, sensor, port: candidate.port };
-            let is_scanned = matches!(candidate.search, Search::Onset(_) | Search::Frequency);
-            is_scanned.then(|| say(&source, number, &candidate.search))
+            candidate.search.is_scanned().then(|| say(&source, number, &candidate.search))
         };
         problem.candidates.par_iter().enumerate().filter_map(of).collect()
     };

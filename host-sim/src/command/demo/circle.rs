@@ -16,12 +16,11 @@ use serde::Serialize;
 
 use super::super::session::Session;
 use super::super::{Failure, explain, fly, into, simulate, text};
-use super::Arguments;
-use super::identification::truth;
+use super::{Arguments, TILT, channel_of, scaled, truth};
 use crate::emulator::TargetError;
 use crate::flight::mission::FlightError;
 use crate::flight::summary::TruthState;
-use crate::flight::{self, Channel, Flown, LoopStates, On, Summary, figures};
+use crate::flight::{Channel, Flown, LoopStates, On, Summary, figures};
 use crate::output;
 use crate::plot::{Colour, Figure, Panel};
 use crate::scenario::ScenarioFile;
@@ -33,8 +32,8 @@ const NOMINAL: &str = include_str!("../../../scenarios/warm_platform.toml");
 const TRUE: &str = include_str!("../../../scenarios/warm_platform_true.toml");
 /// The output that is recorded.
 const VELOCITY: &str = "velocity_error";
-/// Index of the tilt among the states.
-const TILT: usize = 1;
+/// Largest error of the vertical that is shown, arc seconds.
+const SCALE: f64 = 30.0;
 /// Rows until the filter has settled, after which its errors are counted.
 const SETTLED: usize = 3600;
 
@@ -175,9 +174,7 @@ impl Next {
     /// Of what was simulated into a directory.
     fn of(recording: Recording, directory: &Path) -> Result<Self, Failure> {
         let case = directory.join(simulation::CASE);
-        let planned =
-            flight::plan(&recording).map_err(|problem| schuler_recording::Error::one(&case, problem))?;
-        let mut channel = planned.into_iter().next().ok_or_else(|| anyhow::anyhow!("nothing to fly"))?;
+        let mut channel = channel_of(&recording, &case)?;
         // Retuned, the filter would take some of the physics for noise.
         channel.config.identification.method = Method::Off;
         let truth = truth(&case, &channel.name, &recording)?;
@@ -242,14 +239,9 @@ fn panels(
             .line("recorded", &x, of(recorded), Colour::Black)
             .line("simulated, nominal", &x, of(nominal), Colour::Orange)
             .line("simulated, with what was found", &x, of(put_back), Colour::Green),
-        scaled(figures::tilt_error(before, truth, "without compensation, arc seconds")),
-        scaled(figures::tilt_error(after, truth, "with compensation, arc seconds")),
+        scaled(figures::tilt_error(before, truth, "without compensation, arc seconds"), SCALE),
+        scaled(figures::tilt_error(after, truth, "with compensation, arc seconds"), SCALE),
     ]
-}
-
-/// The same scale for both flights.
-fn scaled(panel: Panel) -> Panel {
-    Panel { y_range: Some((-30.0, 30.0)), ..panel }
 }
 
 pub(super) fn words(answer: &Answer) -> String {

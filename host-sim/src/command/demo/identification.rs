@@ -1,5 +1,5 @@
 //! `schuler demo --identification`: a filter that is believed ten times wrong retunes itself, and names the gyro that fails.
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use schuler_core::identification::Method;
 use schuler_recording::Recording;
@@ -7,16 +7,16 @@ use serde::Serialize;
 
 use super::super::session::Session;
 use super::super::{Failure, fly, simulate, text};
-use super::Arguments;
+use super::{Arguments, TILT, channel_of, scaled, truth};
 use crate::flight::summary::{NoiseSummary, TruthState};
-use crate::flight::{self, Channel, Flown, LoopStates, LoopTruth, Summary, figures};
-use crate::plot::{Figure, Panel};
+use crate::flight::{Channel, Flown, LoopStates, Summary, figures};
+use crate::plot::Figure;
 use crate::scenario::ScenarioFile;
 
 const SCENARIO: &str = include_str!("../../../scenarios/demo.toml");
 const SCENARIO_NAME: &str = "demo.toml";
-/// Index of the tilt among the states.
-const TILT: usize = 1;
+/// Largest error of the vertical that is shown, arc seconds: 5 of its usual ones; the first minutes go beyond it.
+const SCALE: f64 = 100.0;
 
 /// What the demonstration found.
 #[derive(Serialize)]
@@ -65,9 +65,7 @@ pub(in crate::command) fn made(arguments: &Arguments, session: &Session) -> Resu
     let mut files = vec![written.case.clone(), written.recording, written.truth];
 
     let recording = Recording::read(&written.case)?;
-    let planned =
-        flight::plan(&recording).map_err(|problem| schuler_recording::Error::one(&written.case, problem))?;
-    let channel = planned.into_iter().next().ok_or_else(|| anyhow::anyhow!("nothing to fly"))?;
+    let channel = channel_of(&recording, &written.case)?;
     let truth = truth(&written.case, &channel.name, &recording)?;
     let fly = |method: Method| -> Result<Flown, Failure> {
         let mut channel: Channel = channel.clone();
@@ -97,8 +95,8 @@ pub(in crate::command) fn made(arguments: &Arguments, session: &Session) -> Resu
     let comparison = Figure {
         title: "Error of the vertical against what the filter believes of it".to_owned(),
         panels: vec![
-            scaled(figures::tilt_error(&mistuned, &truth, "data sheet, arc seconds")),
-            scaled(figures::tilt_error(&retuned, &truth, "retuned in flight, arc seconds")),
+            scaled(figures::tilt_error(&mistuned, &truth, "data sheet, arc seconds"), SCALE),
+            scaled(figures::tilt_error(&retuned, &truth, "retuned in flight, arc seconds"), SCALE),
         ],
     };
     files.extend(comparison.write(&arguments.out, "before_and_after", &arguments.plot)?);
@@ -129,22 +127,6 @@ pub(in crate::command) fn made(arguments: &Arguments, session: &Session) -> Resu
     };
     fly::write_json(&arguments.out.join("demo.json"), &answer)?;
     Ok(answer)
-}
-
-/// What the simulation has left of the truth of a channel, at the recording's times.
-pub(in crate::command) fn truth(
-    case: &Path,
-    channel: &str,
-    recording: &Recording,
-) -> Result<Vec<LoopStates>, Failure> {
-    let mut truth = LoopTruth::beside(case, channel)?
-        .ok_or_else(|| anyhow::anyhow!("the simulation has left no truth"))?;
-    Ok(recording.time_s.iter().map(|time_s| truth.at(*time_s)).collect::<Result<_, _>>()?)
-}
-
-/// The same scale for both, of 5 of the vertical's usual errors; the first minutes go beyond it.
-fn scaled(panel: Panel) -> Panel {
-    Panel { y_range: Some((-100.0, 100.0)), ..panel }
 }
 
 /// Both filters over the same time: from the first retuning on.

@@ -9,10 +9,12 @@ pub(super) mod identification;
 
 use std::path::{Path, PathBuf};
 
+use schuler_recording::Recording;
+
 use super::Failure;
 use super::session::Session;
-use crate::flight::On;
-use crate::plot::Format;
+use crate::flight::{self, Channel, LoopStates, LoopTruth, On};
+use crate::plot::{Format, Panel};
 
 /// What its help teaches.
 const EXAMPLES: &str = "\
@@ -62,4 +64,25 @@ pub(super) fn run(arguments: &Arguments, session: &Session) -> Result<(), Failur
     } else {
         session.answer(&circle::made(arguments, session)?, circle::words)
     }
+}
+
+/// Index of the tilt among the states.
+const TILT: usize = 1;
+
+/// The channel that a simulated flight is flown with.
+pub(super) fn channel_of(recording: &Recording, case: &Path) -> Result<Channel, Failure> {
+    let planned = flight::plan(recording).map_err(|problem| schuler_recording::Error::one(case, problem))?;
+    Ok(planned.into_iter().next().ok_or_else(|| anyhow::anyhow!("nothing to fly"))?)
+}
+
+/// What the simulation has left of the truth of a channel, at the recording's times.
+pub(super) fn truth(case: &Path, channel: &str, recording: &Recording) -> Result<Vec<LoopStates>, Failure> {
+    let mut truth = LoopTruth::beside(case, channel)?
+        .ok_or_else(|| anyhow::anyhow!("the simulation has left no truth"))?;
+    Ok(recording.time_s.iter().map(|time_s| truth.at(*time_s)).collect::<Result<_, _>>()?)
+}
+
+/// The same scale for all panels of a figure, up to `most` on either side.
+fn scaled(panel: Panel, most: f64) -> Panel {
+    Panel { y_range: Some((-most, most)), ..panel }
 }
